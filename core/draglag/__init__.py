@@ -85,7 +85,6 @@ __all__ = [
 if not TYPE_CHECKING:  # a type checker sees the names above, and no others
 
     def __getattr__(name: str) -> object:
-        """A name of the public face, or the version, looked up at first use (PEP 562)."""
         if name in _HOMES:
             from importlib import import_module
 

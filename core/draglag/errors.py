@@ -21,9 +21,9 @@ class DraglagError(Exception):
 
     Args:
         problem: one sentence: what is wrong and where (file, line, run).
-        remedy: what to do about it, or empty.
+        remedy: what to do about it.
 
-    Both are literals or made by ``message``; ``message`` joins them.
+    Both are literals or made by ``message``.
     """
 
     problem: Message
@@ -57,7 +57,7 @@ class EstimateError(DraglagError):
 
 
 def message_of(error: BaseException) -> Message:
-    """An exception's message, if it has one; else its text as a message."""
+    """An exception's message, else its text as a message."""
     if isinstance(error, DraglagError):
         return error.message
     given = error.args[0] if len(error.args) == 1 else None

@@ -240,7 +240,7 @@ def compensate(
     y_mm: ArrayLike,
     law: Analysis | CurveFit | LatencyModel,
 ) -> Compensated:
-    """Where the stylus was, given recorded touch events (n,); the law is constant beyond its speeds.
+    """Where the stylus was, given recorded touch events (n,).
 
     Raises DataError with fewer than eight usable events.
 
@@ -260,9 +260,7 @@ def compensate(
 
 
 def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "netcdf", "mat"] = "csv") -> Path:
-    """The folder or file written for other programs. Nothing is overwritten.
-
-    Raises DataError; for netCDF also without h5netcdf.
+    """The folder or file written for other programs. Raises DataError; nothing is overwritten.
 
     >>> import draglag as dl
     >>> dl.export(dl.read("session.h5"), "session.mat", to="mat").name
@@ -285,9 +283,7 @@ def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "n
 
 
 def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Path:
-    """The page ``report.html``, with its figures.
-
-    Raises DataError; DraglagError without matplotlib.
+    """The page ``report.html``, with its figures. Raises DataError; DraglagError without matplotlib.
 
     >>> import draglag as dl
     >>> session = dl.read("session.h5")

@@ -1,4 +1,4 @@
-"""Sentences for people, rendered, that keep their template (the id for translation) and arguments."""
+"""Sentences for people that keep their template, the id for translation."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _LAST_PLACE = re.compile(r"(?<!{){(\w+)}$")
 
 
 class Message(str):
-    """A rendered sentence. ``template`` has places in braces (``{run}``, ``{latency:.1f}``), filled by ``arguments``.
+    """A rendered sentence. ``template`` has places in braces (``{latency:.1f}``), filled by ``arguments``.
 
-    Arguments are messages, texts and numbers, so that a message crosses processes.
+    Arguments other than messages, texts and numbers become text.
     """
 
     template: str
@@ -48,7 +48,7 @@ def joined(separator: str, parts: Iterable[str]) -> Message:
 
 
 def chained(template: str, parts: Iterable[str]) -> str:
-    """The parts with words between them, by a template such as ``{before} or {next}``."""
+    """The parts joined by a template such as ``{before} or {next}``."""
     return reduce(lambda before, part: Message(template, {"before": before, "next": part}), parts)
 
 
@@ -78,7 +78,7 @@ def without_stop(text: str) -> Message:
 
 
 def packed(value: Any) -> Any:
-    """The value for JSON, every message in it an object of template and arguments."""
+    """The value for JSON, each message an object of template and arguments."""
     if isinstance(value, Message):
         return {"template": value.template, "arguments": packed(value.arguments)}
     if isinstance(value, Mapping):
@@ -89,5 +89,5 @@ def packed(value: Any) -> Any:
 
 
 def unpacked(made: dict[str, Any]) -> Any:
-    """A packed message, or any other object unchanged: the object_hook of ``json.loads``."""
+    """A packed message, or any other object: the object_hook of ``json.loads``."""
     return Message(made["template"], made["arguments"]) if made.keys() == {"template", "arguments"} else made

@@ -15,7 +15,7 @@ NAMED = 3  # sessions that fit by name into one line below a figure
 
 @dataclass(frozen=True)
 class Source:
-    """What a figure was drawn from. ``started_utc``: ISO 8601, or empty if unknown."""
+    """What a figure was drawn from. ``started_utc``: ISO 8601, or empty."""
 
     session: str
     started_utc: str

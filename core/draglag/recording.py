@@ -1,4 +1,4 @@
-"""The raw data of a session: times on the host's monotonic clock unless named ``device``, positions with y downwards."""
+"""The raw data of a session; times on the host's monotonic clock unless named ``device``, y downwards."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Beam:
 
 @dataclass(frozen=True)
 class AxisInfo:
-    """One axis as the kernel describes it (EVIOCGABS), in device units; resolution in units per mm, 0 = unknown."""
+    """One axis as the kernel describes it (EVIOCGABS), device units; resolution per mm, 0 = unknown."""
 
     name: str
     minimum: int
@@ -77,8 +77,7 @@ class TouchCalibration:
 
     Attributes:
         x_raw, y_raw: (n,) touches, device units. x_mm, y_mm: (n,) the targets.
-        matrix: (2, 3) device units → mm, rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
-        made_utc: ISO 8601.
+        matrix: (2, 3) rows (xx, xy, x0_mm) and (yx, yy, y0_mm).
     """
 
     x_raw: FloatArray
@@ -100,7 +99,7 @@ class TouchTrace:
         contact_id: the kernel's tracking id; a change marks a new contact.
         x_raw, y_raw: device units, or empty.
         device_t_s: the digitiser's own stamps (MSC_TIMESTAMP), or empty.
-        gaps_s: (k, 2) stretches known to be incomplete. dropped: events known to be lost.
+        gaps_s: (k, 2) incomplete stretches. dropped: events known to be lost.
     """
 
     t_s: FloatArray
@@ -124,8 +123,8 @@ class LaserTrace:
     Attributes:
         light: 1 = from here on the beam is on the sensor, 0 = it is dark.
         device_t_s: the sensor interface's own stamp, or empty.
-        epoch: counts restarts of the device clock, or empty for one epoch.
-        gaps_s: (k, 2) stretches in which edges may be missing. missed: edges known to be missing.
+        epoch: counts restarts of the device clock, or empty.
+        gaps_s: (k, 2) incomplete stretches. missed: edges known to be missing.
     """
 
     t_s: FloatArray
@@ -142,8 +141,7 @@ class LaserTrace:
 class ClockBounds:
     """A device clock seen from the host: ``device_s[k]`` happened between ``host_min_s[k]`` and ``host_max_s[k]``.
 
-    A one-sided observation leaves the other bound infinite. ``epoch[k]``: restarts of the device clock; epochs share no
-    offset.
+    One of them may be infinite. ``epoch[k]`` counts restarts of the device clock: epochs share no offset.
     """
 
     stream: str
@@ -179,9 +177,7 @@ class LogEntry:
 class Taps:
     """Taps timed by the WALT: physical contact against registered event.
 
-    Attributes:
-        down: (n,) 1 = touch, 0 = release.
-        rejected: reason → count of unused taps.
+    ``down``: (n,) 1 = touch, 0 = release; ``rejected``: reason → count of unused taps.
     """
 
     physical_s: FloatArray
@@ -194,7 +190,7 @@ class Taps:
 
 @dataclass(frozen=True)
 class Run:
-    """One uninterrupted recording of one target (parameters: ``draglag.protocol.targets``)."""
+    """One uninterrupted recording of one target."""
 
     id: str
     protocol: str
@@ -237,7 +233,7 @@ class Session:
     calibration: TouchCalibration | None = None  # the one that positions were mapped with
 
     def run(self, run_id: str) -> Run:
-        """Raises KeyError."""
+        """The run of that id. Raises KeyError."""
         for run in self.runs:
             if run.id == run_id:
                 return run
@@ -258,10 +254,7 @@ _Trace = TypeVar("_Trace", TouchTrace, LaserTrace, ClockBounds, Taps, DisplayTra
 
 
 def concatenate(parts: Sequence[_Trace]) -> _Trace:
-    """Traces of one stream joined in the order given: counts added, the rest of the first.
-
-    Raises ValueError on an empty sequence.
-    """
+    """Traces of one stream joined: counts added, the rest of the first. Raises ValueError on an empty sequence."""
     if not parts:
         raise ValueError("nothing to concatenate")
     first = parts[0]

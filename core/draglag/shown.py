@@ -14,7 +14,7 @@ LONGEST = 60  # letters of one value
 
 
 def brief(record: Any) -> str:
-    """``repr`` of a dataclass: numbers and words, lengths of arrays and lists; empty ones left out."""
+    """``repr`` of a dataclass with lengths of arrays and lists; empty ones left out."""
     parts = [
         f"{spec.name}={words}"
         for spec in fields(record)
@@ -55,7 +55,7 @@ def table_html(title: str, head: Sequence[str], rows: Iterable[Sequence[object]]
 
 
 def matched(value: float, half_interval: float) -> str:
-    """Value ± half interval: the latter with two digits, the value to the same place."""
+    """Value ± half interval: the latter with two digits."""
     if not (math.isfinite(value) and math.isfinite(half_interval)) or half_interval <= 0.0:
         return f"{value:.4g}"
     place = 1 - math.floor(math.log10(half_interval))

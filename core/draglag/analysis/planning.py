@@ -86,7 +86,6 @@ def plan(
 
     Args:
         protocol, screen: presets or objects; the screen's law and noise are assumed.
-        human: the simulated participant if None.
         progress: called with the share done and the run's id; may raise to stop.
         known: earlier predictions, used and added to.
 
@@ -170,7 +169,7 @@ def _rehearsed_half_s(run: PlannedRun, rig: Rig, human: Human) -> float | None:
 
 
 def _tremor_at_edges_mm_s(human: Human, edge_s: FloatArray, falling: np.ndarray) -> float:
-    """Standard deviation of a run's mean speed by tremor at its edges; both edges of a crossing share tremor."""
+    """Standard deviation of a run's mean speed by tremor, which both edges of a crossing share."""
     low_hz, high_hz = HandSpectrum().tremor_hz
     f_hz = np.linspace(low_hz, high_hz, 41)[:, None]
     crossing = np.cumsum(falling) - int(falling[0])
@@ -181,7 +180,6 @@ def _tremor_at_edges_mm_s(human: Human, edge_s: FloatArray, falling: np.ndarray)
 
 
 def _curve_se(circles: list[PlannedPrecision], speed: FloatArray, rig: Rig) -> FloatArray | None:
-    """Standard error of Eq. 5, scatter between runs included."""
     good = [run for run in circles if np.isfinite(run.se_s)]
     form = FORMS[FORM]
     law = rig.law
@@ -198,7 +196,6 @@ def _curve_se(circles: list[PlannedPrecision], speed: FloatArray, rig: Rig) -> F
 
 
 def _derivatives(values: FloatArray, speed: FloatArray) -> FloatArray:
-    """dL/d(values) of Eq. 5, (n, 5)."""
     a2, a5, a1, a4, _ = values
     fast, slow = np.exp(-a2 * speed), np.exp(-a5 * speed)
     return 1e-3 * np.column_stack([-a1 * speed * fast, -a4 * speed * slow, fast, slow, np.ones_like(speed)])

@@ -54,9 +54,9 @@ class AnalysisOptions:
 
 @dataclass(frozen=True)
 class Analysis:
-    """All estimates of one session. ``curve``: None with too few speeds. ``excluded``: run id → why not in the curve.
+    """All estimates of one session.
 
-    ``problems``: what failed; ``warnings``: what clocks and files do to the figures.
+    ``curve``: None with too few speeds. ``excluded``: run id → why not in the curve. ``problems``: what failed.
     """
 
     session: str
@@ -112,19 +112,19 @@ class Analysis:
         return table_html(f"Analysis of {self.session}", keys, rows) + curve
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame, a row a run (``tables.RUN_COLUMNS``). Raises DraglagError without pandas."""
+        """A pandas DataFrame, a row a run (``tables.RUN_COLUMNS``)."""
         from draglag.analysis.tables import RUN_COLUMNS, frame_of, run_rows
 
         return frame_of(run_rows(self), list(RUN_COLUMNS))
 
     def to_xarray(self) -> Any:
-        """An xarray Dataset: runs along ``run``, curve and band along ``speed_mm_s``. Raises DraglagError without it."""
+        """An xarray Dataset: runs along ``run``, curve and band along ``speed_mm_s``."""
         from draglag.analysis.tables import dataset_of
 
         return dataset_of(self)
 
     def plot(self, ax: Any = None) -> Any:
-        """Matplotlib axes with runs, curve and taps (Fig. 5). Raises DraglagError without matplotlib."""
+        """Matplotlib axes with runs, curve and taps (Fig. 5)."""
         from draglag.drawing.results import draw_latency, own_axes
 
         axes = own_axes(ax)
@@ -139,10 +139,7 @@ def has_constant_speed(run: Run) -> bool:
 
 @one_blas_thread
 def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
-    """All estimates of a session; bad runs carry flags.
-
-    Raises EstimateError for an unknown estimator or curve form.
-    """
+    """All estimates of a session. Raises EstimateError for an unknown estimator or curve form."""
     options = options or AnalysisOptions()
     estimator_of(options.estimator)
     on_progress = progress or (lambda fraction, text: None)
@@ -193,7 +190,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
 
 
 def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]]:
-    """Eq. 4 averaged over the repeats of each protocol (the paper's Table 3)."""
+    """Eq. 4 averaged over the repeats of each protocol (Table 3)."""
     out: list[dict[str, object]] = []
     for protocol in dict.fromkeys(item.protocol for item in validation):
         same = [item for item in validation if item.protocol == protocol]
@@ -270,7 +267,6 @@ def _file_warnings(session: Session) -> list[str]:
 
 
 def _off_the_curve(curve: CurveFit | None) -> list[str]:
-    """A warning if runs scatter about their curve more than speed explains."""
     if curve is None or curve.points is None or curve.between_runs_s < FAR_OFF_S:
         return []
     return [

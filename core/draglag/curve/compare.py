@@ -18,7 +18,7 @@ SPEEDS_MM_S = (50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 800.0, 1000
 class CurveDifference:
     """Second curve minus first, (k,), with a pointwise 95 % band.
 
-    ``p_value``: of the greatest standardised difference (Bonferroni over the speeds).
+    ``p_value``: of the greatest standardised difference (Bonferroni).
     """
 
     speed_mm_s: FloatArray
@@ -48,7 +48,7 @@ class CurveDifference:
         return f"CurveDifference(RMS {rms_ms:.2f} ms from {low:.0f} to {high:.0f} mm/s, p = {self.p_value:.2g})"
 
     def plot(self, ax: Any = None) -> Any:
-        """Matplotlib axes with difference and band. Raises DraglagError without matplotlib."""
+        """Matplotlib axes with difference and band."""
         from draglag.drawing.results import draw_difference, own_axes
 
         axes = own_axes(ax)
@@ -59,7 +59,7 @@ class CurveDifference:
 def curve_difference(
     first: CurveFit, second: CurveFit, speeds_mm_s: FloatArray | None = None
 ) -> CurveDifference | None:
-    """Difference over speeds (given, or round ones) covered by both curves; None if they share none."""
+    """Difference over the speeds covered by both curves; None if there are none."""
     low = max(first.speed_range_mm_s[0], second.speed_range_mm_s[0])
     high = min(first.speed_range_mm_s[1], second.speed_range_mm_s[1])
     if low >= high:

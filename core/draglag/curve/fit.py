@@ -33,11 +33,11 @@ class CurveFit:
     """A fitted curve.
 
     Attributes:
-        values: shape parameters then amplitudes, in the order of the form's names (ms, s/mm, mm/s, mm).
+        values: shape parameters then amplitudes, in the order of the form's names.
         covariance: of ``values``; zero rows for parameters at a bound.
-        rms_s: RMS of L − L̂ over the points, unweighted (the paper's Table 2).
+        rms_s: RMS of L − L̂ over the points, unweighted (Table 2).
         between_runs_s: scatter of runs about the curve beyond their standard errors.
-        tied_asymptote_s: the tap latency a7 was fixed at, or None.
+        tied_asymptote_s: tap latency at which a7 was held.
     """
 
     form: str
@@ -68,11 +68,10 @@ class CurveFit:
         return {name: self._reach(0.95) * error for name, error in self.standard_errors.items()}
 
     def _reach(self, level: float) -> float:
-        """Half an interval in standard errors (Student's t)."""
         return float(stdtrit(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2))
 
     def predict_s(self, speed_mm_s: FloatArray) -> FloatArray:
-        """L(v); an extrapolation outside ``speed_range_mm_s`` (see ``inside``)."""
+        """L(v); an extrapolation where not ``inside``."""
         speed = np.asarray(speed_mm_s, float)
         return 1e-3 * evaluated_ms(FORMS[self.form], self.values, speed.ravel()).reshape(speed.shape)
 
@@ -121,7 +120,7 @@ class CurveFit:
         return table_html(f"Curve: {self.form.replace('_', ' ')}", ["parameter", "value", "± (95 %)"], rows)
 
     def plot(self, ax: Any = None) -> Any:
-        """Matplotlib axes with curve and 95 % band. Raises DraglagError without matplotlib."""
+        """Matplotlib axes with curve and 95 % band."""
         from draglag.drawing.results import draw_curve, own_axes
 
         axes = own_axes(ax)
@@ -132,10 +131,9 @@ class CurveFit:
 def fit_form(
     points: CurvePoints, form_name: str, tied_asymptote_s: float | None = None, tied_se_s: float = 0.0
 ) -> CurveFit:
-    """Fit one form. Raises EstimateError with fewer points than parameters.
+    """One form fitted. Raises EstimateError with fewer points than parameters.
 
-    ``tied_asymptote_s`` holds a7 at the tap latency (the "corrected" row of the paper's Table 2); ``tied_se_s``, its
-    standard error, is propagated into the covariance.
+    ``tied_asymptote_s`` holds a7 at the tap latency ("corrected" in Table 2), whose standard error is ``tied_se_s``.
     """
     form = FORMS[form_name]
     if tied_asymptote_s is not None and "a7_ms" not in form.names:
@@ -175,7 +173,7 @@ def fit_best(
     forms: Sequence[str] = tuple(FORMS),
     tied_se_s: float = 0.0,
 ) -> CurveFit:
-    """The best fit: Eq. 5, unless a rival's AICc is lower by more than 6 and its held-out error no larger.
+    """Eq. 5, unless a rival's AICc is lower by more than 6 and its held-out error no larger.
 
     Raises EstimateError with fewer than ``FEWEST_SPEEDS`` different speeds.
     """
@@ -212,7 +210,7 @@ def fit_best(
 
 
 def _between_runs(points: CurvePoints, predicted_s: FloatArray, n_free: int) -> float:
-    """Extra scatter that makes the weighted squared residuals equal their degrees of freedom (Paule–Mandel)."""
+    """Extra scatter by Paule–Mandel."""
     squared = (points.latency_s - predicted_s) ** 2
     dof = points.latency_s.size - n_free
     if dof < 1 or np.sum(squared / points.se_s**2) <= dof:

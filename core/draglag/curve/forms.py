@@ -21,7 +21,7 @@ class Form:
 
     Attributes:
         shape_names, amplitude_names: JSON names; non-negative amplitudes in ms unless the name says otherwise.
-        columns: (θ (g, k), v (n,) mm/s) → (g, n, p) for g settings: L = columns @ amplitudes.
+        columns: (θ (g, k), v (n,) mm/s) → (g, n, p): L = columns @ amplitudes.
         grid: (g, k) starting points. lower, upper: (k,) bounds of θ.
     """
 

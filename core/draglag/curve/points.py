@@ -14,8 +14,7 @@ from draglag.shown import brief
 class CurvePoints:
     """Latency of each run, (n,) each.
 
-    ``speed_se_mm_s``: standard error of the speed, None if unknown. ``speed_sd_mm_s``: spread of the speed over edges;
-    on a bent curve the mean of L is not L of the mean.
+    ``speed_se_mm_s``: standard error of the speed; ``speed_sd_mm_s``: its spread over edges.
     """
 
     speed_mm_s: FloatArray
@@ -30,14 +29,14 @@ class CurvePoints:
         return CurvePoints(self.speed_mm_s[keep], self.latency_s[keep], self.se_s[keep], speed_se, speed_sd)
 
     def with_speed_error(self, slope_s_per_mm_s: FloatArray) -> CurvePoints:
-        """The points with the error of their speeds, times the curve's slope, added to ``se_s``."""
+        """The points with the error of their speeds added to ``se_s``."""
         if self.speed_se_mm_s is None:
             return self
         return replace(self, se_s=np.hypot(self.se_s, slope_s_per_mm_s * self.speed_se_mm_s))
 
     @property
     def speeds_mm_s(self) -> tuple[FloatArray, ...]:
-        """Speeds (n,) to average L over: one standard deviation to either side, exact to third order."""
+        """Speeds (n,) to average L over, exact to third order."""
         if self.speed_sd_mm_s is None:
             return (self.speed_mm_s,)
         reach = np.minimum(self.speed_sd_mm_s, 0.5 * self.speed_mm_s)
@@ -50,7 +49,7 @@ SAME_SPEED = 1.1  # runs whose speeds are closer than a tenth repeat one speed: 
 
 
 def distinct_speeds(speed_mm_s: FloatArray) -> int:
-    """Number of different speeds among (n,) mm/s."""
+    """Number of different speeds."""
     count, start = 0, 0.0
     for speed in np.sort(speed_mm_s).tolist():
         if count == 0 or speed > SAME_SPEED * start:

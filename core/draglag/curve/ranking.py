@@ -77,7 +77,6 @@ def ranking(curves: Sequence[tuple[str, CurveFit]]) -> Ranking:
 
 
 def _mean_s(curve: CurveFit, low_mm_s: float, high_mm_s: float) -> tuple[float, float, float]:
-    """Mean of the curve, its standard error (delta method) and half its 95 % interval."""
     speed = np.geomspace(max(low_mm_s, 1e-3), high_mm_s, SPEEDS)
     form = FORMS[curve.form]
     slope = jacobian_ms(form, curve.values, speed).mean(0)

@@ -1,4 +1,4 @@
-"""Separable least squares for L(v): a grid over shapes, as one start alone fails in one case of twelve."""
+"""Separable least squares for L(v): a grid over shapes, as a single start can fail."""
 
 from __future__ import annotations
 
@@ -105,10 +105,7 @@ def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
 
 
 def _non_negative(columns: FloatArray, target: FloatArray, tied_s: float | None) -> tuple[FloatArray, FloatArray]:
-    """Non-negative least squares for many designs: (g, n, p) → cost (g,), amplitudes (g, p).
-
-    Tries every active set, exact for at most three columns. A tied asymptote fixes the last amplitude.
-    """
+    """Non-negative least squares by every active set, exact for at most three columns."""
     g, _, p = columns.shape
     fixed = 0.0
     free = p

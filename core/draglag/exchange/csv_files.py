@@ -1,4 +1,4 @@
-"""A folder of plain CSV for spreadsheets and statistics programs."""
+"""Plain CSV for spreadsheets and statistics programs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _COUNT_COLUMNS = ("touch_events", "touch_dropped", "edges", "edges_missed")
 
 
 def write_csv(session: Session, folder: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
-    """The folder with ``runs.csv``, ``touch.csv``, ``edges.csv``, ``taps.csv``, and stored results in ``results.csv``.
+    """The folder with ``runs.csv``, ``touch.csv``, ``edges.csv``, ``taps.csv`` and ``results.csv``.
 
     The run's id is a column; unknown cells are empty. Raises DataError where the folder is not empty.
     """

@@ -36,7 +36,7 @@ _CLOCK = ("device_s", "host_min_s", "host_max_s")
 
 
 def find_pair(folder: Path, run_id: str, stream: str) -> tuple[Path | None, Path | None]:
-    """Files of a stream and of its further columns, if present. Raises DataError."""
+    """Files of a stream and of its further columns. Raises DataError."""
     return find_table(folder, f"{run_id}.{stream}"), find_table(folder, f"{run_id}.{stream}-more")
 
 
@@ -71,7 +71,7 @@ def run_keys(run: Run, end: str) -> dict[str, Any]:
 
 
 def write_session_extras(place: Path, session: Session, end: str) -> dict[str, Any]:
-    """Optional keys of session.json; their files are written."""
+    """Optional keys of session.json, whose files are written."""
     for number, bounds in enumerate(session.clocks, 1):
         _write_clock(place / f"clock-{number}{end}", bounds)
     if session.protocol_toml:
@@ -125,7 +125,7 @@ def session_extras(folder: Path, header: HeaderPart) -> dict[str, Any]:
 def run_extras(
     folder: Path, part: RunPart, touch: TouchTrace, laser: LaserTrace
 ) -> tuple[TouchTrace, LaserTrace, DisplayTrace | None, list[str]]:
-    """Traces with gaps, counts and axes; what was displayed; corrections made. Raises DataError."""
+    """Traces with gaps, counts and axes; what was displayed; corrections made."""
     axes = tuple(AxisInfo(a.name, a.minimum, a.maximum, a.resolution, a.fuzz) for a in part.touch_axes)
     touch = replace(touch, gaps_s=_gaps(folder, f"{part.id}.touch"), dropped=part.touch_dropped, axes=axes)
     missed = laser.missed if part.laser_missed is None else part.laser_missed
@@ -137,7 +137,7 @@ def run_extras(
 
 
 def read_clocks(folder: Path, parts: Sequence[ClockPart]) -> tuple[ClockBounds, ...]:
-    """One ``ClockBounds`` per stream. Raises DataError: not numbers, or bounds reversed."""
+    """One ``ClockBounds`` per stream. Raises DataError for reversed bounds."""
     return tuple(_clock(folder / part.file, part.stream) for part in parts)
 
 

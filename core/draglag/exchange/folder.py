@@ -38,11 +38,10 @@ _SLACK_S = 5.0
 
 
 def read_exchange(folder: Path | str) -> Session:
-    """The session of a folder; all times are on one host clock, not relative to the run.
+    """The session of a folder, all times on one host clock, not relative to the run.
 
-    Unsound rows are left out and reported in the run's log (level "warning", source "import") and the session's notes.
-
-    Raises DataError: no or malformed session.json, malformed CSV, two runs of one id, no run with any data.
+    Unsound rows are left out and reported in the run's log and the session's notes. Raises DataError: no or malformed
+    session.json, malformed CSV, two runs of one id, no run with any data.
     """
     folder = Path(folder)
     header = read_header(folder / "session.json")
@@ -123,7 +122,6 @@ def _run(folder: Path, part: RunPart) -> Run:
 
 
 def _log(part: RunPart, start_s: float, said: list[str]) -> tuple[LogEntry, ...]:
-    """The run's log with new remarks, without those of an earlier import."""
     log = entries(part.log)
     new = [LogEntry(start_s, "warning", "import", message("{run}: {text}", run=part.id, text=text)) for text in said]
     return (*log, *(entry for entry in new if entry not in log))
@@ -139,7 +137,7 @@ def _taps(folder: Path, header: HeaderPart) -> tuple[Taps | None, list[str]]:
 def write_exchange(
     session: Session, folder: Path | str, compress: bool = True, results: Sequence[StoredAnalysis] = ()
 ) -> Path:
-    """The folder written. Raises DataError where it exists and is not empty, or cannot be written."""
+    """The folder written. Raises DataError where it exists and is not empty."""
     folder = Path(folder)
     end = ".csv.gz" if compress else ".csv"
     with new_folder(folder) as place:
@@ -182,7 +180,7 @@ def _header_bytes(header: dict[str, Any], folder: Path) -> bytes:
 
 @contextmanager
 def new_folder(folder: Path) -> Iterator[Path]:
-    """Yields a folder that gets its name once whole. Raises DataError as ``write_exchange``."""
+    """Yields a folder that gets its name once whole. Raises DataError."""
     # "/" and "." have no name of their own.
     if not folder.name or (folder.exists() and (not folder.is_dir() or any(folder.iterdir()))):
         raise DataError(message("{path}: exists already and is not overwritten", path=folder), "Choose another name")

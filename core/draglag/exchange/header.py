@@ -146,7 +146,7 @@ class HeaderPart(_Part):
 
 
 def read_header(path: Path) -> HeaderPart:
-    """The validated header. Raises DataError naming the file and the line or key."""
+    """The validated header. Raises DataError naming the line or key."""
     data = _json(path)
     if not isinstance(data, dict):
         raise DataError(

@@ -1,4 +1,4 @@
-"""What an export leaves out of a session."""
+"""What an export omits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A MATLAB file (level 5) with groups and columns of a session file."""
+"""A MATLAB file (level 5), structured as a session file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def write_mat(session: Session, path: Path | str, results: Sequence[StoredAnalys
     """The file for MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector,
     ``session.runs.run_01.touch.units.x_mm`` its unit, ``session.analysis.x1`` a stored result.
 
-    Names become valid in MATLAB; ``id`` is a run's true id. Raises DataError, also beyond 4 GiB.
+    ``id`` is a run's true id. Raises DataError, also beyond 4 GiB.
     """
     path = Path(path)
     root: dict[str, Any] = {}

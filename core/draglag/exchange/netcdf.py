@@ -1,4 +1,4 @@
-"""netCDF-4 with groups and columns of a session file."""
+"""netCDF-4, structured as a session file."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from draglag.system.temporary import new_file
 
 
 def write_netcdf(session: Session, path: Path | str, results: Sequence[StoredAnalysis] = ()) -> Path:
-    """The netCDF-4 file. Raises DataError: h5netcdf is not installed, or the file exists or cannot be written."""
+    """The netCDF-4 file. Raises DataError, also without h5netcdf."""
     path = Path(path)
     try:
         h5netcdf: Any = importlib.import_module("h5netcdf")

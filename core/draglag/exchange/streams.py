@@ -24,7 +24,7 @@ LASER_MORE = ("device_t_s", "epoch")
 def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[TouchTrace, list[str]]:
     """Touch events, and corrections made: rows without numbers left out, times sorted, repeated rows merged.
 
-    more: file with further columns of the same rows. as_recorded: draglag wrote the rows, so repeated ones stay.
+    more: further columns of the same rows. as_recorded: draglag wrote the rows, so repeated ones stay.
 
     Different reports of one stamp stay: hosts that deliver in batches write such.
     """
@@ -48,10 +48,7 @@ def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = 
 
 
 def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[LaserTrace, list[str]]:
-    """Edges, and corrections made; without ``as_recorded`` a repeated level counts as a missing edge.
-
-    Raises DataError for a level other than 0 and 1.
-    """
+    """Edges, and corrections made; unless ``as_recorded``, a repeated level is a missing edge. Raises DataError."""
     if path is None:
         return empty_laser(), [message("there is no laser file")]
     table = read_table(path, ("t_s", "light"))
@@ -109,7 +106,7 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
 
 
 def read_display(path: Path, missed: int) -> tuple[DisplayTrace, list[str]]:
-    """Where the target was drawn, and corrections made. Raises DataError."""
+    """Where the target was drawn, and corrections made."""
     rows, notes = _finite(path, read_table(path, ("t_s", "x_mm", "y_mm")))
     rows, more = _in_order(path, rows)
     t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T)
@@ -117,7 +114,7 @@ def read_display(path: Path, missed: int) -> tuple[DisplayTrace, list[str]]:
 
 
 def read_gaps(path: Path) -> Floats:
-    """Gaps of a stream, (n, 2) start and end, s. Raises DataError where a gap ends before it starts."""
+    """Gaps of a stream, (n, 2). Raises DataError where one ends before it starts."""
     gaps = np.ascontiguousarray(read_table(path, ("start_s", "end_s")))
     bad = np.flatnonzero(~((gaps[:, 0] <= gaps[:, 1]) & (np.abs(gaps) <= TIME_S).all(axis=1)))
     if len(bad):
@@ -132,7 +129,6 @@ def read_gaps(path: Path) -> Floats:
 def _with_more(
     path: Path, table: Floats, more: Path | None, allowed: tuple[str, ...]
 ) -> tuple[Floats, tuple[str, ...]]:
-    """The table with the optional file's columns, and their names. Raises DataError where rows differ."""
     if more is None:
         return table, ()
     names = tuple(name for name in allowed if name in column_names(more))
@@ -169,7 +165,6 @@ def whole(path: Path, name: str, values: Floats) -> NDArray[np.int64]:
 
 
 def _finite(path: Path, rows: Floats, among: int = 3) -> tuple[Floats, list[str]]:
-    """Rows whose first ``among`` columns are numbers."""
     numbers = rows[:, :among]
     far = np.flatnonzero(np.isfinite(rows[:, 0]) & (np.abs(rows[:, 0]) > TIME_S))
     if len(far):

@@ -30,7 +30,7 @@ def find_table(folder: Path, stem: str) -> Path | None:
 
 
 def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """The named columns, (n, len(columns)); n = 0 for an empty file. Raises DataError naming file and line."""
+    """The named columns, (n, len(columns)), of a CSV file. Raises DataError naming file and line."""
     text = _text(path)
     if not text.strip():
         return np.empty((0, len(columns)))
@@ -62,15 +62,14 @@ def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
 
 
 def column_names(path: Path) -> tuple[str, ...]:
-    """Column names in the first line."""
+    """Names in the first line."""
     return tuple(name.strip().strip('"') for name in _text(path).partition("\n")[0].split(","))
 
 
 def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     """The named columns, (n, len(columns)), of another program's CSV; NaN for cells without a number.
 
-    Lines beginning with # are skipped. Separators: commas, tabs, or semicolons with decimal commas. Raises DataError: a
-    missing column, or lines with more or fewer cells than the header.
+    Lines beginning with # are skipped. Separators: commas, tabs, or semicolons with decimal commas. Raises DataError.
     """
     lines = _text(path).split("\n")
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
@@ -124,17 +123,12 @@ Cells = NDArray[Any] | list[str] | str
 
 
 def write_table(path: Path, columns: Mapping[str, Cells]) -> None:
-    """Write a CSV file, gzipped if named .gz; floats can be restored exactly."""
+    """Write a CSV file, gzipped if named .gz, that restores floats exactly."""
     write_parts(path, tuple(columns), [columns])
 
 
 def write_parts(path: Path, names: Sequence[str], parts: Iterable[Mapping[str, Cells]], unknown: str = "nan") -> None:
-    """Write the parts' rows one after the other, a block at a time in memory.
-
-    Args:
-        parts: each with columns of one length; a column that a part lacks is empty.
-        unknown: the text for NaN.
-    """
+    """Write rows part after part, a block at a time in memory; ``unknown``: the text for NaN."""
     with ExitStack() as stack:
         file: IO[bytes] | gzip.GzipFile = stack.enter_context(path.open("wb"))
         if path.suffix == ".gz":
@@ -166,7 +160,6 @@ def _text(path: Path) -> str:
 
 
 def _refuse(path: Path, body: str, names: Sequence[str]) -> NoReturn:
-    """Raise DataError for the first malformed line."""
     for number, line in enumerate(body.split("\n"), 2):
         if not line.strip():
             continue

@@ -1,4 +1,4 @@
-"""The beam, y = slope · x + intercept; y grows downwards, so the top line has the smaller intercept."""
+"""The beam, y = slope · x + intercept, y downwards: the top line has the smaller intercept."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Lines:
 
 
 def fit_lines(x_mm: FloatArray, y_mm: FloatArray, side: FloatArray, shared_slope: bool) -> tuple[Lines, FloatArray]:
-    """Least-squares lines through top and bottom edges, and every edge's residual (along y).
+    """Least-squares lines through top and bottom edges, and residuals along y.
 
     ``shared_slope=False`` is the paper's Eq. 2. Raises ValueError if a side has no edge.
     """
@@ -61,7 +61,7 @@ def _slope(x_mm: FloatArray, y_mm: FloatArray) -> float:
 
 
 def stylus_diameter_mm(lines: Lines, x_from_mm: float, x_to_mm: float) -> float:
-    """Eq. 3: mean distance of five equidistant points of the top line from the bottom line."""
+    """Eq. 3: mean distance of five points of the top line from the bottom line."""
     x_mm = np.linspace(x_from_mm, x_to_mm, 5)
     y_mm = lines.slope_top * x_mm + lines.intercept_top_mm
     distance = np.abs(lines.intercept_bottom_mm + lines.slope_bottom * x_mm - y_mm)

@@ -21,9 +21,8 @@ LARGEST_RESIDUAL_MM = 1.5
 class AffineFit:
     """``x_mm = xx·x + xy·y + x0_mm``, ``y_mm = yx·x + yy·y + y0_mm``.
 
-    Attributes:
-        matrix: (2, 3). residual_mm: (n, 2) touched minus target. rms_mm: by the degrees of freedom left.
-        scale_mm: (x, y) mm per device unit along the screen's axes.
+    ``matrix``: (2, 3); ``residual_mm``: (n, 2) touched minus target; ``rms_mm``: by the degrees of freedom left;
+    ``scale_mm``: (x, y) mm per device unit.
     """
 
     matrix: FloatArray
@@ -56,7 +55,7 @@ def fit_affine(
 
     Raises:
         DataError: columns of different lengths or not numbers.
-        EstimateError: fewer than 5 targets, targets (or touches) along one line, or one too far off.
+        EstimateError: fewer than 5 targets, all along one line, or one too far off.
     """
     raw, places = np.column_stack([x, y]).astype(np.float64), np.column_stack([x_mm, y_mm]).astype(np.float64)
     if raw.shape != places.shape or not np.isfinite(raw).all() or not np.isfinite(places).all():
@@ -95,13 +94,13 @@ def fit_affine(
 
 
 def px_to_mm(screen: Screen, x_px: FloatArray, y_px: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pixels, from the screen's upper left corner, to mm."""
+    """Pixels to mm, from the upper left corner."""
     x_scale, y_scale = screen.mm_per_px
     return np.asarray(x_px) * x_scale, np.asarray(y_px) * y_scale
 
 
 def target_places(width_mm: float, height_mm: float, count: int = 9) -> tuple[FloatArray, FloatArray]:
-    """Places of 5 or 9 targets: corners, middle (and edges), a tenth of the screen from its border."""
+    """Places of 5 or 9 targets, a tenth of the screen from its border. Raises DataError."""
     if count not in (5, 9):
         raise DataError(message("{n} targets: only 5 or 9 can be shown", n=count))
     across, down = np.meshgrid([0.1, 0.5, 0.9], [0.1, 0.5, 0.9])

@@ -1,4 +1,4 @@
-"""Device clocks on the host's clock: offset and drift from bounds, with their uncertainty."""
+"""Device clocks on the host's clock: offset and drift from bounds."""
 
 from __future__ import annotations
 
@@ -25,12 +25,10 @@ _ROUNDING_S = 1e-9
 class EpochClock:
     """One epoch of a device clock: ``host = device + offset_s + drift · (device − reference_s)``.
 
-    Lines within all bounds form a convex polygon in offset and drift: its centre is the estimate, its corners extremes.
+    Lines within all bounds form a convex polygon in offset and drift; the estimate is its centre.
 
     Attributes:
-        drift: s/s. drift_interval: drifts within the bounds.
-        corners: (k, 2): offset relative to ``offset_s``, drift.
-        first_s, last_s: device times of the first and last bounds.
+        corners: (k, 2) of the polygon: offset relative to ``offset_s``, drift.
         slack_s: least widening of the bounds for a line to fit, usually 0.
         uneven_s: what that adds to every half width.
     """
@@ -49,7 +47,7 @@ class EpochClock:
 
     @property
     def fast_ppm(self) -> float:
-        """How fast the device's clock runs against the host's; negative where slow."""
+        """Rate against the host's clock; negative where slow."""
         return -1e6 * self.drift
 
     @property
@@ -66,8 +64,6 @@ class EpochClock:
 
 @dataclass(frozen=True)
 class ClockFit:
-    """One device clock over all its epochs."""
-
     stream: str
     epochs: Mapping[int, EpochClock] = field(default_factory=dict)
 
@@ -94,8 +90,7 @@ class ClockFit:
 def fit_clock(bounds: ClockBounds | Sequence[ClockBounds]) -> ClockFit:
     """The clock of one stream; a one-sided bound has an infinite other side.
 
-    Epochs not bounded from both sides are left out. Raises DataError on several streams, no rows, or stamps that are
-    not numbers.
+    Epochs not bounded from both sides are left out. Raises DataError on several streams, no rows, or invalid stamps.
     """
     parts = [bounds] if isinstance(bounds, ClockBounds) else list(bounds)
     if not parts:
@@ -176,7 +171,7 @@ def clock_warnings(fit: ClockFit, of_width: bool = True) -> list[str]:
 
 
 def laser_clock(run: Run, also: Sequence[ClockBounds] = ()) -> ClockFit | None:
-    """The laser's clock from comparisons of run and session, or None."""
+    """The laser's clock from comparisons of run and session."""
     parts = [part for part in (*run.sync, *also) if part.stream == "laser" and len(part.device_s)]
     return fit_clock(parts) if parts else None
 
@@ -197,16 +192,15 @@ def remapped_within(run: Run, also: Sequence[ClockBounds] = ()) -> tuple[Run, fl
 
 
 def latency_uncertainty_s(run: Run, also: Sequence[ClockBounds] = ()) -> float | None:
-    """Half width of the shift of a run's latencies by clocks; more edges do not reduce it.
+    """Half width of the shift of a run's latencies by clocks, common to all edges.
 
-    0.0 for edges stamped on the host's clock; None for device stamps without comparisons. ``also``: comparisons outside
-    the run (``Session.clocks``).
+    0.0 for edges stamped on the host's clock; None for device stamps without comparisons.
     """
     return remapped_within(run, also)[1]
 
 
 def remapped(run: Run, also: Sequence[ClockBounds] = ()) -> Run:
-    """The run with edges mapped by all comparisons; unchanged without any."""
+    """The run with edges mapped by all comparisons, if any."""
     return remapped_within(run, also)[0]
 
 
@@ -253,7 +247,7 @@ def _fit_epoch(epoch: int, device: FloatArray, low: FloatArray, high: FloatArray
 
 
 def _hull(x: FloatArray, y: FloatArray, upper: bool) -> FloatArray:
-    """Corners (k, 2) of the upper or lower convex hull, by x (Andrew's monotone chain)."""
+    """Convex hull (k, 2), upper or lower (Andrew's monotone chain)."""
     sign = -1.0 if upper else 1.0
     good = np.isfinite(y)
     x, y = x[good], sign * y[good]
@@ -281,7 +275,6 @@ def _hull(x: FloatArray, y: FloatArray, upper: bool) -> FloatArray:
 
 
 def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
-    """The smallest widening with which a line fits."""
     from scipy.optimize import linprog
 
     scale = 1e6  # microseconds and ppm keep the solver's tolerances meaningful
@@ -295,7 +288,7 @@ def _least_slack(floor: FloatArray, ceiling: FloatArray) -> float:
 
 
 def _feasible(floor: FloatArray, ceiling: FloatArray, slack: float) -> FloatArray:
-    """Corners (offset, drift) of the lines between floor and ceiling; empty if none fits."""
+    """Corners (offset, drift) of the lines between floor and ceiling."""
     reach = 1.0 + float(np.abs(np.concatenate([floor[:, 1], ceiling[:, 1]])).max())
     reach += LARGEST_DRIFT * float(np.abs(np.concatenate([floor[:, 0], ceiling[:, 0]])).max())
     b = LARGEST_DRIFT
@@ -330,7 +323,6 @@ def _cut(polygon: list[Corner], across: float, along: float, limit: float) -> li
 
 
 def _centre(polygon: FloatArray) -> tuple[float, float]:
-    """Centroid; the mean of the corners if the area is zero."""
     middle = polygon.mean(axis=0)
     scale = np.ptp(polygon, axis=0)
     if (scale <= 0).any():

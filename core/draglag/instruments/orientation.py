@@ -26,10 +26,7 @@ _LAGS_S = np.linspace(0.0, 0.4, 21)
 
 
 def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: Screen) -> Orientation | None:
-    """How a run's touches are mirrored against its target, moving from ``start_s``; None if not, or undecided.
-
-    Decided only if touches are far from the target at any plausible lag and close to one mirror image.
-    """
+    """How a run's touches are mirrored against its target, which moves from ``start_s``; None if not, or undecided."""
     t_s = touch.t_s - start_s
     usable = (t_s >= 0) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
     if np.count_nonzero(usable) < FEWEST_TOUCHES:
@@ -49,7 +46,6 @@ def wrong_way_round(touch: TouchTrace, target: Target, start_s: float, screen: S
 
 
 def _distance_mm(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, target: Target) -> float:
-    """Median distance from the target at the best lag."""
     distance_mm = []
     for lag_s in _LAGS_S:
         there_x, there_y = target.position_mm(np.clip(t_s - lag_s, 0.0, target.duration_s))

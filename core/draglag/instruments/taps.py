@@ -30,7 +30,7 @@ class TapSummary:
 
     @property
     def median_se_s(self) -> float:
-        """Standard error of the median, from its interval (nearly normal for 100 taps)."""
+        """Standard error of the median, from its interval."""
         return (self.ci95_s[1] - self.ci95_s[0]) / (2 * 1.96)
 
     def to_dict(self) -> dict[str, object]:

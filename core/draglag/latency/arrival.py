@@ -31,7 +31,7 @@ class Arrival:
     unobserved_s: float
 
     def at_edges(self, at_s: FloatArray) -> tuple[float, float, float]:
-        """Mean lateness at times (m,), its standard error, its scatter by chance, s."""
+        """Mean lateness at times (m,), its standard error, its scatter by chance."""
         if not self.late_s.any():
             return 0.0, 0.0, 0.0
         k = np.clip(np.searchsorted(self.t_s, at_s, side="right") - 1, 0, self.t_s.size - 2)
@@ -43,7 +43,7 @@ class Arrival:
 
 
 def lateness_s(t_s: FloatArray) -> FloatArray:
-    """Lateness of rising stamps (n,) on an even rhythm, mean 0 per gapless stretch; 0 without a rhythm."""
+    """Lateness of rising stamps (n,) on an even rhythm, mean 0 per gapless stretch."""
     late_s = np.zeros(t_s.size)
     if t_s.size < FEWEST:
         return late_s
@@ -77,7 +77,7 @@ def _lateness_of_stretch_s(t_s: FloatArray, slot: IntArray, slip_s: float) -> Fl
 def set_back(ready: Prepared) -> tuple[Prepared, Arrival, Smoothed | None]:
     """The run with stamps moved back; the lateness; the path, if none moved.
 
-    Scans may be uneven themselves: only lateness that positions confirm is taken out.
+    Scans may be uneven: only lateness that positions confirm is taken out.
     """
     touch = ready.touch
     arrival_s = _arrival_s(ready)
@@ -111,7 +111,6 @@ def _confirmed(ready: Prepared, late_s: FloatArray, path: Path) -> float:
 
 
 def _arrival_s(ready: Prepared) -> FloatArray:
-    """Stamps of all reports; of batches only the last."""
     events = ready.run.touch
     arrival_s = np.sort(events.t_s[np.isfinite(events.t_s) & np.isfinite(events.x_mm) & np.isfinite(events.y_mm)])
     return arrival_s if ready.touch.t_s.size > (1 - BATCHED) * arrival_s.size else ready.touch.t_s

@@ -1,4 +1,4 @@
-"""Cramér–Rao bound of a run's latency, under the simulation's model."""
+"""Cramér–Rao bound of a latency, under the simulation's model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BLOCK_GAP_S = 0.35  # edges closer together than this share touch noise
 
 @dataclass(frozen=True)
 class TouchNoise:
-    """Noise of one coordinate; ``slow_share`` of its variance is correlated over slow_s."""
+    """Noise of one coordinate; ``slow_share`` of its variance is correlated."""
 
     sd_mm: float
     slow_share: float = 0.0
@@ -104,8 +104,8 @@ def latency_bound_s(
 
     Args:
         edge_t_s, edge_x_mm, edge_v_mm_s, side: (m,) edges: time, place along the beam, velocity across it, ±1.
-        event_t_s, event_v_mm_s, event_y_mm: (n,) events: stamp less latency, intended velocity across the beam,
-            distance from the figure's middle.
+        event_t_s, event_v_mm_s, event_y_mm: (n,) events: stamp less latency, velocity across the beam, distance from
+            the figure's middle.
         edge_y_mm: the beam's distance from that middle.
     """
     kernel = _Kernel(hand or HandSpectrum())

@@ -37,7 +37,7 @@ BUDGET = (
 
 @dataclass(frozen=True)
 class Systematic:
-    """Correction to add to a latency, and its standard uncertainty."""
+    """Correction to add to a latency."""
 
     correction_s: float
     u_s: float
@@ -51,7 +51,7 @@ def systematic(lateness_s_per_mm: float, budget: Sequence[Contribution] = BUDGET
 
 
 def lateness_s_per_mm(estimate: RunEstimate) -> float:
-    """Latency per mm of displacement along the motion: ⟨|v|⟩/⟨v²⟩, v across the beam (least squares weighs by v²)."""
+    """Latency per mm along the motion: ⟨|v|⟩/⟨v²⟩, v across the beam (least squares weighs by v²)."""
     if estimate.alignment is None:
         return 1.0 / estimate.speed_mm_s if estimate.speed_mm_s else 0.0
     v = estimate.alignment.v_mm_s
@@ -62,7 +62,7 @@ def lateness_s_per_mm(estimate: RunEstimate) -> float:
 def with_systematics(estimate: RunEstimate, correct: bool = True) -> RunEstimate:
     """The estimate corrected for the budget, its interval and standard errors widened.
 
-    ``correct=False`` keeps the value, as published; the upper end then includes the correction.
+    ``correct=False`` keeps the value; the upper end then includes the correction.
     """
     if estimate.latency_s is None or estimate.latency_ci95_s is None:
         return estimate
@@ -90,5 +90,5 @@ def widened(estimate: RunEstimate, u_s: float) -> RunEstimate:
 
 
 def common_delay_u_s(budget: Sequence[Contribution] = BUDGET) -> float:
-    """Standard uncertainty of the delay common to all runs: that of a curve's asymptote."""
+    """Standard uncertainty of the delay common to all runs."""
     return float(np.sqrt(sum(c.delay_u_s**2 for c in budget)))

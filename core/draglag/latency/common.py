@@ -104,7 +104,7 @@ def _flags_of_latency(estimate: RunEstimate, window_s: tuple[float, float]) -> l
 
 
 def _travel(ready: Prepared) -> float | None:
-    """Travel of the circle's centre along the beam in diameters; None for other targets."""
+    """Travel of the circle's centre along the beam in diameters."""
     run, touch = ready.run, ready.touch
     if not run.radius_mm or touch.t_s.size < 5:
         return None

@@ -1,4 +1,4 @@
-"""Flags of how a run went, which may keep it out of the curve."""
+"""Flags of how a run went."""
 
 from __future__ import annotations
 
@@ -52,9 +52,7 @@ def why_excluded(
 ) -> dict[str, str]:
     """Run id → reason, for runs left out of curve, validation and gap.
 
-    Args:
-        estimates: with the flags of ``with_conduct``.
-        include: ids of runs to keep all the same, or ``all``.
+    ``estimates``: with the flags of ``with_conduct``; ``include``: ids of runs to keep, or ``all``.
     """
     if "all" in include:
         return {}
@@ -66,7 +64,7 @@ def why_excluded(
 
 
 def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session, dict[str, str]]:
-    """The session without the runs to leave out; run id → reason for those."""
+    """The session without the runs to leave out; run id → reason."""
     steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
     estimates = [with_conduct(estimate_run(run, session.stylus.diameter_mm), run) for run in steady]
     excluded = why_excluded(session.runs, estimates, include)

@@ -24,8 +24,7 @@ class Edges:
 def clean_edges(laser: LaserTrace, stylus_diameter_mm: float, fastest_mm_s: float) -> Edges:
     """Edges of a run without bounces and glitches.
 
-    Of transitions closer than 0.3 · diameter / fastest speed, an odd number is one bounced edge (the first stands), an
-    even number a glitch.
+    Of transitions closer than 0.3 · diameter / fastest speed, an odd number is one edge, an even number none.
     """
     good = np.isfinite(laser.t_s)
     order = np.argsort(laser.t_s[good], kind="stable")

@@ -177,7 +177,6 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
 
 
 def _on_track(solution: Solution, track: Track) -> Solution:
-    """One more step, on a nearby track."""
     at_s = solution.edges.t_s + solution.latency_s
     xy_mm = track.at(at_s)
     design = _design(track, at_s, float(solution.parameters[1]), solution.side, xy_mm, solution.v_mm_s)
@@ -212,7 +211,7 @@ def _placed(ready: Prepared, latency_s: float, track: Track) -> Edges:
 def _design(
     track: Track, at_s: FloatArray, slope: float, side: FloatArray, xy_mm: FloatArray, v_mm_s: FloatArray
 ) -> FloatArray:
-    """Columns δL, slope, middle, half, dL/dln v of y = slope · x + middle + side · half − across · δL."""
+    """Columns of y = slope · x + middle + side · half − across · δL, and of dL/dln v."""
     across = v_mm_s[:, 1] - slope * v_mm_s[:, 0]
     speed = np.hypot(v_mm_s[:, 0], v_mm_s[:, 1])
     ahead = track.uneven.at(at_s)
@@ -298,7 +297,7 @@ def _alignment(ready: Prepared, best: Solution) -> Alignment:
 def _by_tremor_s(best: Solution) -> tuple[float, float]:
     """Advance of the trace by tremor, and the scatter of the edges' mean latency by it.
 
-    x(t − L(v + ν)) has the mean −L'·ν², an advance −L'·⟨ν²⟩ / v; the latency at the mean speed is unaffected.
+    x(t − L(v + ν)) has the mean −L'·ν², an advance −L'·⟨ν²⟩ / v.
     """
     if best.track.tremor is None:
         return 0.0, 0.0

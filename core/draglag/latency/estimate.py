@@ -1,4 +1,4 @@
-"""The estimate of one run, and the data given to estimators."""
+"""The estimate of one run, and an estimator's input."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class Alignment:
 
 @dataclass(frozen=True)
 class RunEstimate:
-    """Latency of one run with its 95 % interval; ``latency_s`` None if there is none.
+    """Latency of one run with its 95 % interval.
 
     ``latency_s``, ``latency_se_s``: mean over the edges. ``se_at_speed_s``: without tremor's scatter, at ``speed_mm_s``
     (None: the same). ``speed_sd_mm_s``: over edges. ``flags``: ``draglag.latency.flags.MEANING``.
     ``clock_uncertainty_s``: largest shift by the laser's clock; None if unknown. ``correction_s``: already in the
-    latency; ``systematic_s``: half width (95 %) of remaining systematic errors, clock included.
+    latency; ``systematic_s``: half width (95 %), clock included.
     """
 
     id: str
@@ -141,8 +141,6 @@ class RunEstimate:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A run ready for an estimator."""
-
     run: Run
     touch: TouchTrace
     edges: Edges

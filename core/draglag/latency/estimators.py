@@ -1,4 +1,4 @@
-"""Estimators of a run's latency, also those of other packages, by name."""
+"""Estimators of a run's latency by name."""
 
 from __future__ import annotations
 

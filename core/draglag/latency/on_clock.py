@@ -52,7 +52,7 @@ def estimate_on_clock(
 ) -> RunEstimate:
     """``estimate_run`` with edges on the compared clock, its uncertainty in the interval.
 
-    ``clocks``: comparisons outside the run; ignored where unreadable.
+    ``clocks``: comparisons outside the run.
     """
     around = nearby(run, clocks)
     try:
@@ -63,10 +63,9 @@ def estimate_on_clock(
 
 
 def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
-    """The estimate widened by the clock's bound on a shift common to all edges.
+    """The estimate widened by the clock's bound on a shift common to all edges; None: never compared.
 
-    A half width h becomes √(h² + bound²), as the bound is never exceeded; the standard error √(se² + bound²/3), uniform
-    between the bounds. None (clock never compared) widens nothing.
+    A half width h becomes √(h² + bound²), as the bound is never exceeded; the standard error √(se² + bound²/3).
     """
     if bound_s is None:
         return replace(estimate, clock_uncertainty_s=None, flags=(*estimate.flags, "clock_unknown"))
@@ -83,7 +82,7 @@ def with_clock(estimate: RunEstimate, bound_s: float | None) -> RunEstimate:
 
 
 def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float:
-    """Half width of all taps' shift by the WALT's clock; 0.0 if never compared."""
+    """Half width of all taps' shift by the WALT's clock."""
     parts = [part for part in clocks if part.stream == "walt" and len(part.device_s)]
     if taps is None or not parts or not len(taps.physical_s):
         return 0.0

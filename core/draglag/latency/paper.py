@@ -57,7 +57,7 @@ def estimate_paper(ready: Prepared, blank: RunEstimate, window_s: tuple[float, f
 
 
 def _cost(ready: Prepared, latency_s: float) -> tuple[float, np.ndarray]:
-    """J(L) of Eq. 2, mm² (infinite if a side is empty), and the edges used."""
+    """J(L) of Eq. 2, mm², and the edges used."""
     touch, edges = ready.touch, ready.edges
     at_s = edges.t_s + latency_s
     keep = in_contact(touch.t_s, at_s, contact_losses(touch.t_s))

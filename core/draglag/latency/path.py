@@ -23,10 +23,8 @@ LAG_STEP_S, LAG_POINTS = 0.005, 2048  # of the table of covariances
 class Path:
     """The smoothed path on even knots.
 
-    Attributes:
-        coefficients: (k, 2). factor: banded Cholesky factor of the normal equations.
-        noise_mm: standard deviation of an event, were its noise everywhere as below the corner.
-        gather: (k, n) splines at the events.
+    ``factor``: banded Cholesky factor of the normal equations; ``noise_mm``: standard deviation of an event, were its
+    noise everywhere as below the corner; ``gather``: (k, n) splines at the events.
     """
 
     start_s: float
@@ -78,11 +76,11 @@ class Path:
         return replace(self, coefficients=_solved(self.factor, self.gather @ values))
 
     def by_lag(self, lag_s: FloatArray) -> FloatArray:
-        """Autocovariance of one coordinate's error, mm², away from ends and gaps."""
+        """Autocovariance of one coordinate's error away from ends and gaps, mm²."""
         return looked_up(self._by_lag, lag_s / LAG_STEP_S)
 
     def excess_error(self, t_s: FloatArray, edge_of_s: FloatArray) -> FloatArray:
-        """Ratio (m,) of the error at t_s to that far from ends and gaps, at edge_of_s (k,)."""
+        """Ratio (m,) of the error at t_s to that far from ends and gaps (k,)."""
         scale = np.ones(t_s.size)
         near = np.flatnonzero(np.abs(t_s[:, None] - edge_of_s[None, :]).min(1) < 1.0 / self.corner_hz)
         if near.size:
@@ -148,12 +146,12 @@ def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[In
 
 
 def _solved(factor: FloatArray, values: FloatArray) -> FloatArray:
-    """Solutions (k, c) by LAPACK directly: scipy's checks cost more than a short run."""
+    """LAPACK directly: scipy's checks cost more than a short run."""
     return np.asarray(dpbtrs(factor, values, lower=1)[0], float)
 
 
 def _factor(events: FloatArray, taps: FloatArray, strength: float, ridge: float) -> FloatArray:
-    """Banded Cholesky factor of the normal equations; over a long hole, where it is singular, the penalty ends."""
+    """Banded Cholesky factor; the penalty ends at long holes, where it is singular."""
     n = events.shape[1]
     try:
         return _penalised(events, taps, np.full(n - taps.size + 1, strength), ridge)

@@ -1,4 +1,4 @@
-"""Edges in a pause of the hand, each with its own, longer latency."""
+"""Edges in a pause of the hand, with longer latencies of their own."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Pauses:
     speed_mm_s: FloatArray
 
     def mixed(self, mean_s: float, se_s: float, n: int) -> tuple[float, float]:
-        """Mean latency and standard error with n other edges of mean_s and se_s."""
+        """Mean latency and standard error with n other edges."""
         share = n / (n + self.t_s.size)
         own_s = float(np.sqrt(np.sum(self.se_s**2))) / (n + self.t_s.size)
         pauses_s = float(self.latency_s.mean()) if self.t_s.size else 0.0
@@ -39,9 +39,7 @@ NONE = Pauses(*(np.empty(0),) * 4)
 def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatArray) -> tuple[Prepared, Pauses]:
     """The run without edges in pauses, and those.
 
-    Args:
-        latency_s: of the others.
-        line: slope, middle and half width (mm) of their lines.
+    ``latency_s``: of the others; ``line``: slope, middle and half width (mm) of their lines.
     """
     t_s, touch = ready.edges.t_s, ready.touch
     inside = in_contact(touch.t_s, t_s + latency_s, track.losses_s)
@@ -71,9 +69,9 @@ def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatA
 def _shown(
     t_s: FloatArray, off_mm: FloatArray, half_mm: float, edge_s: float, falling: bool, latency_s: float
 ) -> tuple[float, float] | None:
-    """Time until the trace (n,) shows an edge, s, and its speed across the beam there, mm/s.
+    """Time until the trace shows an edge, and its speed across the beam there.
 
-    The stylus enters by its first rim and leaves by its last: each line counts one way only.
+    Each line counts one way only: the stylus enters by its first rim and leaves by its last.
     """
     first, end = np.searchsorted(t_s, edge_s + latency_s + np.array(REACH_S))
     best: tuple[float, float] | None = None

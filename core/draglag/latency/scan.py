@@ -18,7 +18,7 @@ MANY_EDGES = 50
 
 @dataclass(frozen=True)
 class Scan:
-    """Robust cost per edge; infinite where too few edges can be placed."""
+    """Robust cost per edge; infinite with too few edges."""
 
     latency_s: FloatArray
     cost_mm2: FloatArray
@@ -43,7 +43,7 @@ def scan(
 ) -> Scan:
     """Cost of Eq. 2 over a grid, one slope for both lines.
 
-    A known diameter excludes aliases: a quarter of a circle's period off all edges align, with lines far apart.
+    A known diameter excludes aliases, a quarter of a circle's period off, where lines lie far apart.
     """
     latency_s = np.arange(window_s[0], window_s[1] + step_s / 2, step_s)
     # An odd stride keeps both kinds of edges; some sixty edges are enough to separate minima.
@@ -83,7 +83,6 @@ def _moved(touch: TouchTrace, at_s: FloatArray, half_width_s: float) -> tuple[Fl
 
 
 def _cost(x: FloatArray, y: FloatArray, side: FloatArray, placed: np.ndarray) -> tuple[FloatArray, FloatArray]:
-    """Robust mean squared residual about two parallel lines, and their distance, per row."""
     weight = placed.astype(float)
     n = np.minimum(np.count_nonzero(placed, axis=1), placed.shape[1] - 1)
     above, below = side < 0, side > 0

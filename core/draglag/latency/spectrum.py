@@ -21,7 +21,7 @@ TOGETHER = 0.25  # of the interval: closer events were delivered together
 
 @dataclass(frozen=True)
 class Spectrum:
-    """One-sided power of a coordinate, mm²/Hz; ``median``: median over mean of noise."""
+    """One-sided power, mm²/Hz; ``median``: median over mean of noise."""
 
     f_hz: FloatArray
     power: FloatArray
@@ -31,7 +31,7 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Events:
-    """Touch events on slots of an even grid: t_s (n,), xy_mm (n, 2)."""
+    """Touch events (n,) on slots of an even grid."""
 
     slot: IntArray
     t_s: FloatArray
@@ -47,7 +47,7 @@ class Events:
 
 
 def events_of(t_s: FloatArray, xy_mm: FloatArray, dt_s: float | None = None) -> Events:
-    """Events t_s (n,), rising, and xy_mm (n, 2), numbered on an even grid.
+    """Rising events (n,), numbered on an even grid.
 
     Of events delivered together, as after a stall, the last is in time; others get the slots before it.
     """
@@ -88,7 +88,7 @@ def spectrum_of(events: Events) -> Spectrum:
 
 @lru_cache(maxsize=16)
 def _window(m: int) -> tuple[FloatArray, FloatArray]:
-    """Periodic Blackman–Harris (Harris 1978, four terms, −92 dB) and a ramp, (m,) each."""
+    """Blackman–Harris window (Harris 1978, four terms) and a ramp, (m,) each."""
     turn = np.linspace(-np.pi, np.pi, m + 1)[:-1]
     window = sum(a * np.cos(k * turn) for k, a in enumerate((0.35875, 0.48829, 0.14128, 0.01168)))
     return np.asarray(window), np.linspace(0, 1, m)
@@ -102,7 +102,7 @@ def _slow(late_s: FloatArray) -> FloatArray:
 
 
 def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
-    """The run's rhythm (0 if none), Hz, its path's corner, Hz, and the noise there, mm²/Hz one-sided.
+    """The run's rhythm (0 if none), its path's corner, and the noise there, mm²/Hz one-sided.
 
     The corner minimises Mallows' estimate of path removed plus noise kept.
     """
@@ -124,7 +124,7 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
 
 
 def corner_for_mean(spectrum: Spectrum, rhythm_hz: float, corner_hz: float, noise: float, places: float) -> float:
-    """The best corner, Hz, for a mean over independent places, in which noise averages out."""
+    """The best corner for a mean over independent places, in which noise averages out."""
     corners, loss = _corners(spectrum, rhythm_hz)
     used = spectrum.f_hz < max(NOISE_UP_TO_HZ, 2.5 * rhythm_hz)
     loss, own = loss[:, used], spectrum.power[used] - noise
@@ -143,7 +143,6 @@ def _rhythm_hz(spectrum: Spectrum) -> float:
 
 
 def _corners(spectrum: Spectrum, rhythm_hz: float) -> tuple[FloatArray, FloatArray]:
-    """Candidate corners (c,), Hz, and what each removes, (c, k)."""
     f = spectrum.f_hz
     start = max(1.15 * rhythm_hz, rhythm_hz + 2 * f[1], 3 * f[1])
     corners = start * (max(12.0, 3 * rhythm_hz) / start) ** np.linspace(0, 1, 30)
@@ -152,7 +151,7 @@ def _corners(spectrum: Spectrum, rhythm_hz: float) -> tuple[FloatArray, FloatArr
 
 
 def _noise_below(spectrum: Spectrum, corner_hz: float, noise: float) -> float:
-    """Mean noise below the corner, mm²/Hz: a white and a low-pass part extrapolated from both sides of tremor."""
+    """White and low-pass noise below the corner, extrapolated from both sides of tremor."""
     f, power = spectrum.f_hz, spectrum.power
     seen = ((f > 1.1 * corner_hz) & (f < NOISE_UP_TO_HZ)) | (f > QUIET_FROM_HZ)
     if np.count_nonzero(seen & (f < NOISE_UP_TO_HZ)) < 6 or not (f > QUIET_FROM_HZ).any():

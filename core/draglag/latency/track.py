@@ -20,7 +20,7 @@ class Track:
 
     Attributes:
         path: for single places. mean_path: for the mean over the edges.
-        tremor: on ``mean_path``; None if unseen. with_tremor: whether it counts as movement.
+        tremor: on ``mean_path``. with_tremor: whether it counts as movement.
         uneven: advance of the trace per unit of dL/dln v (mm/s): velocity × ln(speed / ``usual_mm_s``), smoothed alike.
     """
 
@@ -41,7 +41,7 @@ class Track:
         return self.with_velocity(t_s)[0]
 
     def with_velocity(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Position, with tremor if it counts, and velocity, (m, 2) each."""
+        """Position, with tremor if it counts, and velocity, (m, 2)."""
         xy_mm, v_mm_s = self.mean_path.at(t_s), self.path.at(t_s, 1)
         if self.tremor is not None and self.with_tremor:
             xy_mm = xy_mm + self.tremor.at(t_s)
@@ -49,7 +49,7 @@ class Track:
 
 
 def independent_places(path: Path, t_s: FloatArray) -> float:
-    """Effective number of independent places among rising times t_s (m,)."""
+    """Effective number of independent places among rising times (m,)."""
     m, variance = t_s.size, float(path.by_lag(np.zeros(1))[0])
     shared = variance * max(m, 1)
     for k in range(1, m):
@@ -77,7 +77,7 @@ def smoothed_of(ready: Prepared) -> Smoothed:
 
 
 def track_of(ready: Prepared, smoothed: Smoothed | None = None) -> Track:
-    """The track of a run; ``smoothed``: of the same run, if known."""
+    """The track of a run; ``smoothed``: of the same run."""
     smoothed = smoothed or smoothed_of(ready)
     events, spectrum, path, noise = smoothed.events, smoothed.spectrum, smoothed.path, smoothed.noise
     rhythm_hz, corner_hz = path.rhythm_hz, path.corner_hz

@@ -1,4 +1,4 @@
-"""Tremor (8 to 12 Hz), by Wiener's filter on the residual of the touch events."""
+"""Tremor (8 to 12 Hz), by Wiener's filter on residuals of the path."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FINEST_S = 1 / 110  # straight lines between points this far apart are true to 4
 
 @dataclass(frozen=True)
 class Tremor:
-    """Tremor on a fine grid, (g, 2) mm, and autocovariances by lag in its steps, mm², (k,).
+    """Tremor on a fine grid, (g, 2), and autocovariances by lag in its steps, mm², (k,).
 
     ``unobserved``: of the estimate's error; ``whole``: of the tremor; ``speed2``: variance of one velocity component,
     (mm/s)². The last two are across the motion: a speed-dependent latency magnifies tremor along it.
@@ -35,7 +35,7 @@ class Tremor:
     speed2: float
 
     def at(self, t_s: FloatArray) -> FloatArray:
-        """Tremor (m, 2) at times (m,), mm."""
+        """Tremor (m, 2) at times (m,)."""
         position = np.clip((t_s - self.start_s) / self.step_s, 0.0, self.xy_mm.shape[0] - 1.001)
         k = position.astype(np.int64)
         f = (position - k)[:, None]
@@ -46,7 +46,7 @@ class Tremor:
         return looked_up(self.unobserved if estimated else self.whole, lag_s / self.step_s)
 
     def mean_speed2(self, t_s: FloatArray, ahead: FloatArray) -> float:
-        """Variance of the mean tremor velocity along ``ahead`` (m, 2) over edges at rising t_s (m,), (mm/s)²."""
+        """Variance of the mean tremor velocity along ``ahead`` (m, 2) over edges, (mm/s)²."""
         m = t_s.size
         reach = int(np.max(np.searchsorted(t_s, t_s + COHERENCE_S) - np.arange(m)))
         later = np.arange(1, reach)[:, None] + np.arange(m)
@@ -61,9 +61,7 @@ class Tremor:
 def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None = None) -> Tremor | None:
     """The tremor of a run; None if touch rate or duration do not show any.
 
-    Args:
-        v_mm_s: (n, 2) the path's velocity at its events.
-        under: another path it is added to, which may keep some tremor itself.
+    ``v_mm_s``: (n, 2) the path's velocity; ``under``: another path it is added to, which may keep some tremor.
     """
     n = int(events.slot[-1]) + 1
     size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
@@ -104,7 +102,6 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None
 def _over_the_floor(
     f_hz: FloatArray, power: FloatArray, inside: np.ndarray, width: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Noise of the events, and the excess over it in the band, (f,) each."""
     total = np.cumsum(np.pad(power, (width // 2 + 1, width - width // 2), mode="edge"))
     smooth = (total[width:] - total[:-width])[: power.size] / width
     # A white part, and one that falls with frequency as a digitiser's own filter leaves it: straight lines between

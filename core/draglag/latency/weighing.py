@@ -60,7 +60,7 @@ def _scaled(design: FloatArray, response: FloatArray) -> tuple[FloatArray, Float
 
 
 def known_fit(design: FloatArray, response: FloatArray, known: Known) -> tuple[FloatArray, FloatArray]:
-    """Estimate (5,) and residual (m,) of ``weighted_fit`` without extra scatter."""
+    """Estimate (5,) and residual (m,) without extra scatter."""
     scale, prior, both = _scaled(design, response)
     white = dtbtrs(known.factor, both, uplo="L")[0]
     gram = white.T @ white
@@ -101,10 +101,7 @@ def weighted_fit(design: FloatArray, response: FloatArray, known: Known, scatter
 
 
 def likely_scatter_mm(residual: FloatArray) -> FloatArray:
-    """The scatters τ of non-negligible weight, given residuals (m,).
-
-    Beyond three times the residuals the likelihood falls as τ^(m/2 − 5) or faster (edges in pairs, five parameters).
-    """
+    """The scatters τ of non-negligible weight: beyond three times the residuals the likelihood falls as τ^(m/2 − 5)."""
     beyond = 25.0 / (np.log(1.6) * max(0.5 * residual.size - 5, 1.0))
     size = int(np.searchsorted(SCATTER_MM, 3 * np.sqrt(np.mean(residual**2))))
     return SCATTER_MM[: size + 1 + int(np.ceil(beyond))]

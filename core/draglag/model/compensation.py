@@ -20,7 +20,7 @@ PAUSE_S = 2.0  # what lies further apart is not one movement
 
 
 def _fill_from_trace(moved_to: list[FloatArray], t_s: FloatArray, xy_mm: FloatArray, own_s: FloatArray) -> None:
-    """Fill NaN positions (n,) from the trace when it shows them; NaN outside of contact."""
+    """Fill NaN positions from the trace when it shows them; NaN outside of contact."""
     forwards = np.append(np.diff(own_s) > 0, True)
     losses_s = contact_losses(t_s)
     shown_s = np.interp(t_s, own_s[forwards], t_s[forwards], left=np.nan, right=np.nan)
@@ -31,7 +31,7 @@ def _fill_from_trace(moved_to: list[FloatArray], t_s: FloatArray, xy_mm: FloatAr
 
 
 def _is_steep(law: Law, speed_mm_s: FloatArray) -> bool:
-    """Whether events must be inverted together: an error of speed then moves them far, by v · L′(v)."""
+    """Whether events must be inverted together, as an error of speed moves them far."""
     speed = speed_mm_s[np.isfinite(speed_mm_s)]
     if not speed.size:
         return False
@@ -41,12 +41,11 @@ def _is_steep(law: Law, speed_mm_s: FloatArray) -> bool:
 
 @dataclass(frozen=True)
 class Compensated:
-    """Recorded touch events with the lag taken out, (n,) as given, NaN where unknown.
+    """Recorded touch events with the lag taken out, (n,), NaN where unknown.
 
     Attributes:
-        stylus_t_s: when the stylus was where the event shows it, non-decreasing.
-        x_stylus_mm, y_stylus_mm: where the stylus was at t_s, from later events.
-        extrapolated: speed outside the measured range.
+        stylus_t_s: when the stylus was where the event shows it.
+        x_stylus_mm, y_stylus_mm: where the stylus was at t_s.
     """
 
     t_s: FloatArray
@@ -88,8 +87,7 @@ def compensate(
 ) -> Compensated:
     """Where the stylus was, given recorded touch events (n,), in any order.
 
-    ``speed_range_mm_s``: where ``law`` was measured. Raises DataError with fewer than eight usable events or arrays of
-    different length.
+    Raises DataError with fewer than eight usable events or arrays of different length.
     """
     t_s, x_mm, y_mm = (np.asarray(v, float) for v in (t_s, x_mm, y_mm))
     if not t_s.shape == x_mm.shape == y_mm.shape or t_s.ndim != 1:

@@ -1,4 +1,4 @@
-"""A latency model as a file: versioned JSON with provenance."""
+"""A latency model as a file."""
 
 from __future__ import annotations
 
@@ -231,7 +231,7 @@ def load_model(path: Path | str) -> LatencyModel:
 
 
 def _wrong_effect(model: LatencyModel) -> str:
-    """In words, an effect named twice or of impossible size: a fit may end beyond its bounds by their distance."""
+    """In words, an effect named twice or of impossible size."""
     ids = [effect.id for effect in model.effects]
     for effect in model.effects:
         if ids.count(effect.id) > 1:
@@ -253,7 +253,7 @@ def _wrong_effect(model: LatencyModel) -> str:
 
 
 def other_screen(model: LatencyModel, screen: str) -> str:
-    """In words, that a model was fitted on another screen; empty if not, or unknown."""
+    """In words, that a model was fitted on another screen; or empty."""
     of = model.provenance.screen
     return (
         message("the model was fitted on {of}, this is {screen}", of=of, screen=screen)
@@ -263,7 +263,7 @@ def other_screen(model: LatencyModel, screen: str) -> str:
 
 
 def left_unexplained(model: LatencyModel) -> str:
-    """In words, that the model's session holds an unnamed gap; empty if not, or unknown."""
+    """In words, that the model's session holds an unnamed gap; or empty."""
     if model.provenance.verdict != "unexplained":
         return ""
     gap = "" if model.provenance.gap_mm is None else message(" of {gap_mm:.3f} mm", gap_mm=model.provenance.gap_mm[1])
@@ -272,7 +272,7 @@ def left_unexplained(model: LatencyModel) -> str:
 
 
 def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:
-    """The model over its measured range, (n,) each, with its 95 % band."""
+    """The model over its measured range, with its 95 % band."""
     low, high = model.speed_range_mm_s
     speed = np.unique(np.geomspace(max(low, 1e-3), max(high, 2e-3), n))
     band = model.curve.band_s(speed)
@@ -280,10 +280,7 @@ def lookup_table(model: LatencyModel, n: int = 200) -> dict[str, FloatArray]:
 
 
 def save_lookup(model: LatencyModel, path: Path | str) -> None:
-    """Write the table as .csv, or as .mat for MATLAB and Simulink's 1-D lookup block.
-
-    Raises DataError for another ending, an existing file, or one that cannot be written.
-    """
+    """Write the table as .csv, or as .mat for MATLAB and Simulink's 1-D lookup block. Raises DataError."""
     path = Path(path)
     if path.suffix not in (".csv", ".mat"):
         raise DataError(message("{path}: the ending says neither CSV nor MATLAB", path=path), "Name it .csv or .mat")

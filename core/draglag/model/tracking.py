@@ -15,10 +15,7 @@ GRID_HZ = 800.0
 
 @dataclass(frozen=True)
 class TrackingResponse:
-    """First-harmonic response of the screen to a perfect hand, (11,) each.
-
-    ``phase_deg``: negative for a lag; ``delay_ms`` = −phase / ω.
-    """
+    """First-harmonic response of the screen to a perfect hand, (11,) each; a lag has negative phase."""
 
     frequency_rad_s: FloatArray
     gain: FloatArray
@@ -43,9 +40,9 @@ class TrackingResponse:
 
 
 def tracking_response(law: Law, scale_mm: float = 24.4, sideways_mm_s: float = 4.0) -> TrackingResponse:
-    """Fourier response over one period of the multi-sine of Table 1; holds for this signal and size only.
+    """Fourier response to the multi-sine of Table 1; holds for this signal and size only.
 
-    ``scale_mm``: one unit of amplitude; ``sideways_mm_s``: the target's drift.
+    ``scale_mm``: one unit of amplitude.
     """
     n = round(MULTISINE_PERIOD_S * GRID_HZ)
     t_s = np.arange(n) / GRID_HZ

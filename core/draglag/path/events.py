@@ -41,7 +41,6 @@ def last_of_batches(touch: TouchTrace) -> TouchTrace:
 
 
 def _together(dt_s: FloatArray) -> np.ndarray:
-    """Intervals within batches, (n,) bool."""
     if dt_s.size < FEWEST_INTERVALS:
         return np.zeros(dt_s.size, bool)
     together = dt_s < AT_ONCE * np.partition(dt_s, int(LONG * dt_s.size))[int(LONG * dt_s.size)]
@@ -77,7 +76,7 @@ def in_contact(t_s: FloatArray, at_s: FloatArray, losses_s: FloatArray) -> np.nd
 def hold_at_rate(touch: TouchTrace, rate_hz: float) -> TouchTrace:
     """The last event at each tick of a loop (the paper, Section II.A).
 
-    Adds about half a tick plus half a touch interval of latency; figures made from it must say so.
+    Adds about half a tick plus half a touch interval of latency.
     """
     if touch.t_s.size == 0:
         return touch

@@ -1,4 +1,4 @@
-"""Inversion of a latency law: when, and so where, the stylus was, given a touch trace."""
+"""A latency law inverted: when and where the stylus was."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ USUAL_MM_S = 200.0  # where no speed is known
 
 @dataclass(frozen=True)
 class StylusPath:
-    """The stylus' movement behind a touch trace, on an even grid (g,) of its own time.
+    """The stylus' movement behind a touch trace, on an even grid (g,).
 
-    ``arrival_s`` (g,): when the screen shows each point; ``event_t_s`` (n,): when the stylus was where an event shows
-    it.
+    ``arrival_s``: when the screen shows each point; ``event_t_s`` (n,): when the stylus was where an event shows it.
     """
 
     t_s: FloatArray
@@ -41,7 +40,7 @@ class StylusPath:
     event_t_s: FloatArray
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Latency s (m,), speed mm/s (m,) and position mm (m, 2) at times (m,)."""
+        """Latency (m,), speed (m,) and position (m, 2) at times (m,)."""
         xy_mm = np.column_stack([np.interp(t_s, self.t_s, column) for column in self.xy_mm.T])
         latency_s = np.interp(t_s, self.t_s, self.arrival_s) - t_s
         return latency_s, np.interp(t_s, self.t_s, self.speed_mm_s), xy_mm
@@ -65,10 +64,9 @@ def stylus_path(
 
 
 def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
-    """When the stylus was where each event shows it, (n,) s, non-decreasing.
+    """When the stylus was where each event shows it, (n,), non-decreasing.
 
-    With v the stylus' and w the shown speed, the lag ℓ = L(v) obeys dℓ/dτ = 1 − w / v in the trace's time τ: stable
-    forwards only.
+    With stylus speed v and shown speed w, the lag ℓ = L(v) obeys dℓ/dτ = 1 − w / v in the trace's time τ.
     """
     table = _table(law)
     if np.any(np.diff(table.lag_s) > 0):
@@ -91,7 +89,7 @@ def shown_times_s(t_s: FloatArray, xy_mm: FloatArray, law: Law) -> FloatArray:
 
 
 def stylus_speed(law: Law, v_mm_s: FloatArray, a_mm_s2: FloatArray) -> FloatArray:
-    """Speed of the stylus behind shown velocity and acceleration (m, 2), (m,) mm/s.
+    """Speed (m,) of the stylus behind shown velocity and acceleration (m, 2).
 
     An event at t + L(v(t)) runs 1 + L′(v)·v̇ times slower than the stylus.
     """
@@ -111,11 +109,7 @@ def slope_of(law: Law, speed_mm_s: FloatArray) -> FloatArray:
 
 
 def stylus_time_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, law: Law, half_s: float) -> FloatArray:
-    """at_s − L(v): when the stylus was where the trace shows it, non-decreasing, (m,) s.
-
-    Args:
-        t_s: (n,) increasing. xy_mm: (n, 2). at_s: (m,) increasing. half_s: half width of the local fits.
-    """
+    """at_s − L(v), non-decreasing, (m,); t_s (n,) and at_s (m,) increasing."""
     fit = local_fit(t_s, xy_mm, at_s, half_s)
     latency_s = np.where(fit.ok, law(stylus_speed(law, fit.v_mm_s, fit.a_mm_s2)), np.nan)
     good = np.isfinite(latency_s)
@@ -131,8 +125,6 @@ def stylus_time_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, law: Law
 
 @dataclass(frozen=True)
 class _Table:
-    """A law as a table: speed_mm_s (k,) rising, lag_s (k,); also as lists, for single steps."""
-
     speed_mm_s: FloatArray
     lag_s: FloatArray
     lags: list[float]
@@ -151,7 +143,7 @@ class _Table:
         return float(np.interp(distance_mm, covered, ends))
 
     def follow(self, shown_mm_s: FloatArray, step_s: float, lag_s: float) -> FloatArray:
-        """The lag at every step of a shown speed (g,), by implicit steps."""
+        """The lag at every step of a shown speed (g,)."""
         lags, slownesses = self.lags, self.slownesses
         last = len(lags) - 1
         out = []
@@ -178,7 +170,6 @@ def _table(law: Law) -> _Table:
 
 
 def _followed(t_s: FloatArray, xy_mm: FloatArray, table: _Table, noise_mm: float, pieces: list[IntArray]) -> FloatArray:
-    """The stylus' times of the events (n,), piece by piece between jumps of the trace."""
     own_s = np.empty(t_s.size)
     lag_s, before = 0.0, pieces[0][:0]
     for piece in pieces:
@@ -198,7 +189,7 @@ def _followed(t_s: FloatArray, xy_mm: FloatArray, table: _Table, noise_mm: float
 def _landed(
     xy_mm: FloatArray, before: IntArray, after: IntArray, table: _Table, lag_s: float, noise_mm: float
 ) -> float:
-    """The lag after a jump of the trace, which occurs where L falls faster than time passes.
+    """The lag after a jump of the trace, where L falls faster than time passes.
 
     With speeds v₁, v₂ at its ends, D the jump along the later movement and c the cosine of the turn,
     D = (L(v₁) − L(v₂)) · (c·v₁ + v₂) / 2 gives v₂.
@@ -231,7 +222,7 @@ def _jumps(t_s: FloatArray, xy_mm: FloatArray, noise_mm: float) -> IntArray:
 
 
 def _shown_speed(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, noise_mm: float) -> FloatArray:
-    """Speed of the trace at even times (g,), less what noise across the movement adds."""
+    """Speed of the trace, less what noise across the movement adds."""
     lasts_s = float(t_s[-1] - t_s[0])
     if lasts_s < 4 * STEP_S:
         return np.full(at_s.size, float(np.hypot(*(xy_mm[-1] - xy_mm[0]))) / lasts_s if lasts_s > 0 else 0.0)
@@ -249,14 +240,12 @@ def _interval_s(t_s: FloatArray) -> float:
 
 
 def _noise_mm(xy_mm: FloatArray) -> float:
-    """Standard deviation of a coordinate, from third differences."""
     if xy_mm.shape[0] < 8:
         return 0.0
     return float(np.sqrt(np.median(np.diff(xy_mm, 3, axis=0) ** 2) / 0.455 / 20))
 
 
 def _between(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, moment_s: float) -> FloatArray:
-    """Monotone cubics through events (n, 2), (g, 2); the ends hold."""
     from scipy.interpolate import PchipInterpolator
 
     # Events of one moment are one event: their mean.

@@ -24,9 +24,9 @@ DEGREE = 3  # cubic: unbiased for constant jerk, and odd orders cost nothing at 
 
 
 def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """t_s (n,), x_mm, y_mm, speed_mm_s by the paper's smoother on an even grid.
+    """t_s, x_mm, y_mm, speed_mm_s by the paper's smoother on an even grid: above 700 mm/s, speed is 5–33 % low.
 
-    For its figures only: above 700 mm/s its speed is 5–33 % low. Raises ValueError with fewer than 61 samples.
+    Raises ValueError with fewer than 61 samples.
     """
     dt_s = sample_interval_s(touch.t_s)
     grid_s = np.arange(touch.t_s[0], touch.t_s[-1], dt_s)
@@ -40,10 +40,7 @@ def savitzky_golay(touch: TouchTrace) -> tuple[FloatArray, FloatArray, FloatArra
 
 @dataclass(frozen=True, eq=False)
 class FitWeights:
-    """Contribution of each event of a window to local fits at m times, (m, w) each.
-
-    Attributes: solution: (m, p, p) inverse normal matrix; weighted: (p, m, w) weighted powers; width_s: (m,).
-    """
+    """Contribution of each event of a window to local fits at m times, (m, w) each."""
 
     solution: FloatArray
     weighted: FloatArray
@@ -71,8 +68,7 @@ class FitWeights:
 class LocalFit:
     """Local polynomial fits at m times.
 
-    Attributes: first: (m,) index of the first event in each window. by_event: contributions of its events. ok: (m,)
-    enough events, on both sides.
+    ``first``: index of the first event in each window; ``ok``: enough events, on both sides.
     """
 
     at_s: FloatArray
@@ -88,7 +84,7 @@ class LocalFit:
         return np.hypot(self.v_mm_s[:, 0], self.v_mm_s[:, 1])
 
     def rows(self, weights: FloatArray, n: int) -> csr_matrix:
-        """Weight of each of n events in each fit, (m, n). weights: (m, w), one kind of ``by_event``."""
+        """Weights (m, n) of n events in each fit, from one kind of ``by_event``."""
         from scipy.sparse import csr_matrix
 
         at = np.minimum(self.first[:, None] + np.arange(weights.shape[1]), n - 1)
@@ -183,9 +179,9 @@ def inverse(matrices: FloatArray) -> FloatArray:
 
 
 def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray) -> tuple[float, float]:
-    """The bandwidth (s) with the best leave-one-out prediction of events near ``near_s``, and the noise it leaves (mm).
+    """Bandwidth (s) of the best leave-one-out prediction of events near ``near_s``, and the noise it leaves (mm).
 
-    ``values_mm``: (n, k) position components. NaN for too short a trace.
+    NaN for too short a trace.
     """
     dt_s = sample_interval_s(t_s)
     slot, even = _even_grid(t_s, values_mm, dt_s)
@@ -217,7 +213,6 @@ def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray
 
 
 def _even_grid(t_s: FloatArray, values: FloatArray, dt_s: float) -> tuple[IntArray, FloatArray]:
-    """Slot of each event on an even grid, and the values there; NaN in empty slots."""
     steps = np.maximum(np.round(np.diff(t_s) / dt_s), 1).astype(np.int64)
     slot = np.concatenate([[0], np.cumsum(steps)])
     velocity = np.gradient(values, t_s, axis=0)
@@ -246,7 +241,7 @@ def _near(t_s: FloatArray, at_s: FloatArray, reach_s: float) -> np.ndarray:
 
 
 def speed_half_widths_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, noise_mm: float) -> FloatArray:
-    """Half width (m,) for speeds at which to evaluate a latency law, which falls by up to 2 ms per mm/s.
+    """Half widths (m,) for speeds at which to evaluate a latency law.
 
     The widest window whose velocity agrees with all narrower ones within noise (Lepski's rule).
     """

@@ -1,4 +1,4 @@
-"""Savitzky–Golay filters (1964), as scipy.signal's, whose import takes longer than an analysis."""
+"""Savitzky–Golay filters (1964), quicker to import than scipy.signal."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from draglag.recording import FloatArray
 
 
 def smoothed(values: FloatArray, window: int, degree: int, order: int = 0, step: float = 1.0) -> FloatArray:
-    """Values (n,) or (n, k) on an even grid smoothed along the first axis, or their derivative; n ≥ window."""
+    """Values (n,) or (n, k) on an even grid smoothed along the first axis, or their derivative."""
     reach = window // 2
     fit = _fit(window, degree)  # (degree + 1, window): coefficients of the local polynomial, in units of samples
     scale = factorial(order) / step**order

@@ -104,7 +104,7 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
 
 
 def _line_of(text: str, location: Sequence[int | str]) -> int:
-    """Line of the key at a pydantic location; 1 if it is not found."""
+    """Line of the key at a pydantic location."""
     lines = text.splitlines()
     at = 0
     for depth, part in enumerate(location):
@@ -127,7 +127,7 @@ def _line_of(text: str, location: Sequence[int | str]) -> int:
 
 
 def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tuple[_Model, str]:
-    """(model, text) of one TOML file or preset. Raises DataError: file, line, what was expected."""
+    """(model, text) of one TOML file or preset. Raises DataError naming file and line."""
     label, text = _text_of(name_or_path, folder)
     data = parse_toml(text, label)
     try:
@@ -149,11 +149,11 @@ def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tup
 
 
 def load_screen_file(name_or_path: str | Path) -> ScreenFile:
-    """A whole screen preset or file. Raises DataError."""
+    """A whole screen preset or file."""
     return read_toml(name_or_path, "screens", ScreenFile)[0]
 
 
 def load_screen(name_or_path: str | Path) -> Screen:
-    """The panel of a screen preset or TOML file. Raises DataError."""
+    """The panel of a screen preset or TOML file."""
     preset = load_screen_file(name_or_path)
     return Screen(preset.name, **preset.screen.model_dump())

@@ -1,4 +1,4 @@
-"""Measurement protocols in TOML, and their runs on a given screen."""
+"""Measurement protocols in TOML, and their runs on a screen."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Speed = Annotated[Positive, Field(le=20_000)]  # mm/s; no hand is faster than so
 
 
 class RunPlan(Strict):
-    """One ``[[runs]]`` table: a kind of target, for one or more speeds."""
+    """One ``[[runs]]`` table, for one or more speeds."""
 
     kind: Literal["circle", "chirp", "multisine", "step"]
     speed_mm_s: Speed | None = None
@@ -66,15 +66,13 @@ class RunPlan(Strict):
 
 
 class TapPlan(Strict):
-    """Taps timed by the WALT."""
-
     count: Annotated[int, Field(ge=1, le=10000)] = 100
     when: Literal["start", "end", "both"] = "end"
     interval_s: Annotated[float, Field(ge=0.3, le=60)] = 0.8
 
 
 class ClockCheck(Strict):
-    """Comparisons of host and device clocks, before and after the runs."""
+    """Comparisons of clocks, before and after the runs."""
 
     duration_s: Positive = 10.0
     interval_s: Positive = 1.0
@@ -134,7 +132,7 @@ def load_protocol(name_or_path: str | Path) -> Protocol:
 
 
 def _sideways(plan: RunPlan, screen: Screen, half_width_mm: float, duration_s: float) -> tuple[float, float, str]:
-    """(start x, speed, note): about the middle, slower than asked if the screen is narrow."""
+    """(start x, speed, note), slower than asked if the screen is narrow."""
     asked = plan.sideways_px_s * screen.mm_per_px[0]
     room = screen.width_mm - 2 * (half_width_mm + MARGIN_MM)
     speed = max(0.0, min(asked, room / duration_s))
@@ -191,7 +189,7 @@ def expand(
         seed: of the order of the circles; the protocol's own if None.
         beam: for targets centred on it; the middle of the screen if None.
 
-    Practice runs keep their places. Raises DataError if a target would leave the screen.
+    Raises DataError if a target would leave the screen.
     """
     beam = beam or Beam(0.0, screen.height_mm / 2)
     runs = [
@@ -214,10 +212,7 @@ def expand(
 
 
 def first_target_after_s(protocol: Protocol, countdown_s: float) -> float:
-    """Time from the start of a session to the first moving target; infinite without runs.
-
-    ``countdown_s``: how long a target stands still before it moves.
-    """
+    """Time from the start of a session to the first moving target; infinite without runs."""
     if not protocol.runs:
         return math.inf
     before_s = _before_runs_s(protocol, countdown_s)

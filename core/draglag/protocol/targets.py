@@ -32,7 +32,7 @@ MULTISINE_PHASE_RAD = (7.239, 0.506, 7.860, 8.184, 9.012, 6.141, 6.776, 6.265, 4
 
 
 class Target(Protocol):
-    """A moving target. ``t_s``: since the start of the run, any shape; results have the same shape."""
+    """A moving target. ``t_s``: since the start of the run, any shape, also of results."""
 
     @property
     def kind(self) -> str: ...
@@ -57,7 +57,7 @@ class _Parameters:
     kind: ClassVar[str]
 
     def parameters(self) -> Parameters:
-        """Kind and fields of the dataclass."""
+        """Kind and fields."""
         return {"kind": self.kind, **asdict(self)}  # type: ignore[call-overload]
 
 
@@ -159,8 +159,7 @@ class MultiSine(_Parameters):
 class Step(_Parameters):
     """Minimum-jerk steps of ``distance_mm`` across the beam y = slope · x + intercept, down and up.
 
-    A cycle is ten steps: for each share f of ``STEP_FRACTIONS`` one down that meets the beam after f of its path, and
-    one up.
+    For each share f of ``STEP_FRACTIONS``, one down meets the beam after f of its path.
     """
 
     kind: ClassVar[str] = "step"
@@ -179,7 +178,6 @@ class Step(_Parameters):
         return len(STEP_FRACTIONS) * 2 * (self.move_s + self.rest_s)
 
     def _height(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distance below the beam line and its rate."""
         start = -np.asarray(STEP_FRACTIONS) * self.distance_mm
         bottom = start + self.distance_mm
         moves = (start, bottom, bottom, start)  # where each of down, rest, up, rest begins …
@@ -273,7 +271,7 @@ def to_px(screen: Screen, x_mm: ArrayLike, y_mm: ArrayLike) -> Pair:
 
 
 def check_on_screen(target: Target, screen: Screen, margin_mm: float = 0.0) -> None:
-    """Raise DataError if the target comes within ``margin_mm`` of the screen's edge."""
+    """Raise DataError if the target comes within ``margin_mm`` of the edge."""
     t = np.linspace(0.0, target.duration_s, max(1000, int(target.duration_s * 200)))
     for name, p, size in zip("xy", target.position_mm(t), (screen.width_mm, screen.height_mm), strict=True):
         low, high = float(p.min()), float(p.max())

@@ -1,4 +1,4 @@
-"""Files by others: read, unpacked and parsed, each up to a limit."""
+"""Files by others, read up to limits."""
 
 from draglag.reading.documents import checked, parse_json, parse_toml
 from draglag.reading.files import plain_lines, read_bytes, read_text

@@ -21,7 +21,7 @@ _LONG_KEY = re.compile(
 
 
 def parse_json(text: str, where: Path | str, remedy: str = _CORRECT) -> Any:
-    """The value of a JSON text. Raises DataError naming line and column."""
+    """The value of a JSON text. Raises DataError."""
     try:
         return checked(json.loads(text), where, remedy)
     except json.JSONDecodeError as error:

@@ -45,7 +45,7 @@ def read_text(path: Path | str, most: int, remedy: str = _CHECK) -> str:
 
 
 def decoded(path: Path | str, data: bytes) -> str:
-    """UTF-8 text without byte-order mark. Raises DataError naming the first invalid byte."""
+    """UTF-8 text without byte-order mark. Raises DataError."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -57,16 +57,13 @@ def decoded(path: Path | str, data: bytes) -> str:
 
 
 def plain_bytes(path: Path | str) -> bytes:
-    """A recording, unpacked if gzipped. Raises DataError as ``read_bytes``, and for damaged gzip or too many bytes."""
+    """A recording, unpacked if gzipped. Raises DataError as ``read_bytes``, and for damaged gzip."""
     data = read_bytes(path, TABLE_BYTES, message("Check the file and its rights"))
     return _unpacked(path, data) if data[:2] == _GZIP or Path(path).suffix == ".gz" else data
 
 
 def plain_lines(path: Path | str) -> bytes:
-    """A table of lines, unpacked, line ends all newlines.
-
-    Raises DataError as ``plain_bytes``, and for too many or too long lines.
-    """
+    """A table of lines, unpacked, line ends all newlines. Raises DataError."""
     data = plain_bytes(path).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))
     if len(ends) > TABLE_ROWS:

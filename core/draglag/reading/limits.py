@@ -1,4 +1,4 @@
-"""Limits on what is read from a file: far above any measurement, far below what exhausts memory or time."""
+"""Limits on what is read from files."""
 
 from __future__ import annotations
 

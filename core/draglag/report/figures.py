@@ -25,7 +25,7 @@ def latency_figure(analysis: Analysis) -> Any:
 
 
 def alignment_figure(run: Run, alignment: Alignment, title: str, session: Session) -> Any:
-    """One run's touch path, edges before and after correction, and lines (Fig. 4)."""
+    """One run's touch path, edges and lines (Fig. 4)."""
     figure = style.new_figure(5.6, 4.2)  # two stand side by side on the page
     axes = figure.add_subplot()
     axes.plot(run.touch.x_mm, run.touch.y_mm, color=style.GREY, linewidth=0.5, alpha=0.7, label="touch path")
@@ -84,7 +84,7 @@ def width_figure(analysis: Analysis, session: Session) -> Any:
 
 
 def taps_figure(analysis: Analysis) -> Any:
-    """Tap latency: quartile boxes and every tap (Fig. 6)."""
+    """Tap latency (Fig. 6)."""
     figure = style.new_figure(7.2, 2.6)
     axes = figure.add_subplot()
     names = list(analysis.taps)
@@ -112,7 +112,7 @@ def taps_figure(analysis: Analysis) -> Any:
 
 
 def speeds_figure(analysis: Analysis) -> Any:
-    """Crossing speeds of validation runs on the curve that corrects them (Fig. 8)."""
+    """Crossing speeds of validation runs on the curve (Fig. 8)."""
     figure = style.new_figure(7.2, 3.4)
     axes = figure.add_subplot()
     curve = analysis.curve

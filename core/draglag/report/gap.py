@@ -55,7 +55,7 @@ def write_gap_report(
     progress: Callable[[float, str], None] | None = None,
     provisional: Provisional | None = None,
 ) -> Path:
-    """The path of the page, with what a provisional term would close.
+    """The path of the page.
 
     Raises DataError if the report has no verdict or the folder cannot be written.
     """
@@ -154,7 +154,7 @@ def _figures(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, st
 
 
 def _left_out(report: GapReport) -> str:
-    """Sentence on edges left out near switches of a second filter or near holes; empty if none."""
+    """Sentence on edges left out near switches of a second filter or near holes."""
     if report.first is None or report.last is None or report.first.use.size != report.last.use.size:
         return ""
     lost = np.count_nonzero(report.first.use & ~report.last.use)
@@ -220,7 +220,6 @@ def _svg(figure: Any, source: Source) -> str:
 def _simulated(
     session: Session, report: GapReport, progress: Callable[[float, str], None] | None
 ) -> tuple[tuple[Replay, ...], str]:
-    """The session simulated without and with each step, or why that fails."""
     try:
         return replays(session, report, progress), ""
     except (DraglagError, ValueError, np.linalg.LinAlgError) as problem:

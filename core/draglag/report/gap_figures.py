@@ -46,7 +46,6 @@ def waterfall(report: GapReport) -> Any:
 
 
 def _series(first: Fit, last: Fit) -> list[tuple[Fit, str, str, str]]:
-    """Fit, colour, marker, name of what is drawn; equal fits once."""
     after = (last, BLUE, "o", "present model" if first is last else "after")
     return [after] if first is last else [(first, ORANGE, "^", "before"), after]
 

@@ -1,4 +1,4 @@
-"""A session's figures for a paper, one and two columns wide."""
+"""A session's figures for a paper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many latency curves: ranked, and each against all others."""
+"""Many latency curves in one picture."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LETTERS = 18  # of a name over a small picture
 
 
 def ranked_figure(ranking: Ranking) -> Any:
-    """Mean latency of each curve with its 95 % interval, least first."""
+    """Mean latency of each curve with its 95 % interval, by rank."""
     n = len(ranking.places)
     figure = style.new_figure(7.2, 1.0 + 0.19 * n)
     axes = figure.add_subplot()
@@ -36,7 +36,7 @@ def ranked_figure(ranking: Ranking) -> Any:
 
 
 def each_figure(curves: Mapping[str, CurveFit], ranking: Ranking) -> Any:
-    """A small picture of each curve, by rank, over all others in grey."""
+    """A picture of each curve, by rank, over all others."""
     rows = -(-len(ranking.places) // ACROSS)
     figure = style.new_figure(9.6, 0.4 + 1.15 * rows)
     grid = figure.subplots(rows, ACROSS, sharex=True, sharey=True, squeeze=False).ravel()

@@ -31,7 +31,7 @@ Bins = tuple[FloatArray, FloatArray, FloatArray]
 
 
 def binned(x: FloatArray, y: FloatArray, limits: FloatArray, weight: FloatArray | None = None) -> Bins:
-    """Middle, weighted mean and half width of its 95 % interval in each bin with more than three values."""
+    """Middle, weighted mean and half width (95 %) of bins with more than three values."""
     which = np.clip(np.searchsorted(limits, x, side="right") - 1, 0, limits.size - 2)
     w = np.ones(np.shape(y)) if weight is None else weight
     rows = []
@@ -49,7 +49,7 @@ def binned(x: FloatArray, y: FloatArray, limits: FloatArray, weight: FloatArray 
 def against(overlay: Overlay, covariate: str, limits: FloatArray) -> Bins:
     """Residuals of an overlay as latency, binned over a covariate.
 
-    Weighted by the squared velocity across the beam: edges of a slow stylus do not constrain latency.
+    Weighted by squared velocity across the beam, as edges of a slow stylus do not constrain latency.
     """
     attribute, _ = AXES[covariate]
     x = np.asarray(getattr(overlay.view, attribute), float)
@@ -59,7 +59,7 @@ def against(overlay: Overlay, covariate: str, limits: FloatArray) -> Bins:
 
 
 def limits_of(measured: Overlay, covariate: str) -> FloatArray:
-    """Bin limits with equally many edges in each, or a bin for each of two kinds."""
+    """Bin limits with equally many edges, or a bin for each of two kinds."""
     if covariate == "kind_of_edge":
         return np.array([-0.5, 0.5, 1.5])
     if covariate == "direction":
@@ -68,7 +68,7 @@ def limits_of(measured: Overlay, covariate: str) -> FloatArray:
 
 
 def limits_in(values: FloatArray) -> FloatArray:
-    """Limits of bins with equally many values, two or more."""
+    """Limits of bins with equally many values."""
     limits: FloatArray = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
     return limits if limits.size > 1 else np.array([limits[0] - 1, limits[0] + 1])
 
@@ -105,7 +105,7 @@ def _models(before: Replay, after: Replay) -> list[tuple[Replay, str, str, str]]
 
 
 def edges_figure(before: Replay, after: Replay) -> Any:
-    """The beam at one crossing, and the differences of edge times by run."""
+    """The beam at one crossing, and differences of edge times by run."""
     figure = new_figure(7.2, 5.6)
     top, bottom = figure.subplots(2, 1, height_ratios=[1, 1.3])
     models = _models(before, after)
@@ -197,7 +197,7 @@ def residuals_figure(before: Replay, after: Replay) -> Any:
 
 
 def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
-    """Residual of each step against its covariate, without and with it; None without steps."""
+    """Residual of each step against its covariate, without and with it."""
     steps = [
         (k, s.effect, effect_class(s.effect).follows if effect_class(s.effect).follows in AXES else "speed")
         for k, s in enumerate(report.steps)
@@ -264,7 +264,7 @@ def spread_figure(before: Replay, after: Replay) -> Any:
 
 
 def overlay_numbers(replays: Sequence[Replay], report: GapReport) -> dict[str, object]:
-    """The pictures as plain numbers: measured, and one entry a model of the report."""
+    """The pictures as plain numbers."""
     measured = replays[0].measured
     limits = {covariate: limits_of(measured, covariate) for covariate in OFTEN}
     reach = 1.1 * float(np.quantile(np.abs(measured.residual_mm), 0.99)) + 1e-6

@@ -118,7 +118,7 @@ def _validation_figures(session: Session, analysis: Analysis, folder: Path) -> I
 
 
 def _keep(session: Session, drawn: Any, folder: Path, name: str, caption: str, png: bool = False) -> Figure:
-    """Save a figure and embed it, as PNG where thousands of points would slow the page."""
+    """A saved, embedded figure: PNG where thousands of points would slow the page."""
     svg = style.save(drawn, folder, name, source_of(session))
     if png:
         image = "data:image/png;base64," + base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
@@ -183,7 +183,6 @@ def _number(value: object, digits: int = 1) -> str:
 
 
 def _moment(text: str) -> str:
-    """An ISO time stamp for people; other text unchanged."""
     try:
         return f"{datetime.fromisoformat(text).astimezone(UTC):%Y-%m-%d %H:%M} UTC"
     except ValueError:

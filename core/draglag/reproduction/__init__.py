@@ -1,4 +1,4 @@
-"""The paper's tables and figures from simulated Screens 1 and 2, with published numbers."""
+"""The paper's tables and figures from simulated screens, with published numbers."""
 
 from draglag.reproduction.measure import Reproduction, reproduce
 

@@ -34,8 +34,6 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Row2:
-    """One row of Table 2."""
-
     screen: str
     coefficients: tuple[Coefficient, ...]
     rms_ms: float
@@ -47,7 +45,7 @@ class Row2:
 
 
 def sample_hold_rms_ms(row: Row2) -> float | None:
-    """RMS of the row measured as the paper does (sample-and-hold at 100 Hz, Eq. 2); None without a curve."""
+    """RMS of the row measured as the paper does (sample-and-hold at 100 Hz, Eq. 2)."""
     options = replace(row.analysis.options, estimator="paper", update_rate_hz=100.0)
     curve = analyze(row.session, options).curve
     return None if curve is None else 1e3 * curve.rms_s
@@ -59,7 +57,7 @@ def effects_of(screen: str) -> list[str]:
 
 
 def measured_row(screen: str, seed: int) -> Row2:
-    """The simulated and analysed sweep of one row. Raises EstimateError if it gives no curve."""
+    """The simulated and analysed sweep of one row. Raises EstimateError without a curve."""
     protocol = load_protocol("latency-sweep")
     taps = load_protocol("taps-100").taps
     session = simulate_session(
@@ -92,10 +90,7 @@ def measured_row(screen: str, seed: int) -> Row2:
 
 
 def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient, ...]:
-    """Our coefficients under the paper's names: its a4 is the larger amplitude.
-
-    An amplitude whose interval reaches zero determines neither its rate nor itself.
-    """
+    """Our coefficients under the paper's names: its a4 is the larger amplitude."""
     values, errors = curve.parameters, curve.standard_errors
     names = {name: name for name in values}
     free = 5 - (curve.tied_asymptote_s is not None)

@@ -59,7 +59,7 @@ def figure_7(result: Reproduction) -> Any:
 
 
 def figure_8(result: Reproduction, screen: str = "Screen 2") -> Any:
-    """Crossing speeds of each validation target on the curve that corrects them (Fig. 8 b, d, f)."""
+    """Crossing speeds of each validation target on its curve (Fig. 8 b, d, f)."""
     figure = style.new_figure(7.2, 3.4)
     axes = figure.add_subplot()
     cells = [cell for cell in result.table_3 if cell.screen == screen]
@@ -93,7 +93,7 @@ def tracking_figure(responses: Mapping[str, TrackingResponse]) -> Any:
 
 
 def save_tracking(responses: Mapping[str, TrackingResponse], path: Path, source: Source) -> None:
-    """Write gain and phase as .svg or .png. Raises DataError for other endings or if not writable."""
+    """Write gain and phase as .svg or .png. Raises DataError."""
     if path.suffix not in (".svg", ".png"):
         raise DataError(message("{path}: the ending says neither SVG nor PNG", path=path), "Name it .svg or .png")
     if path.exists():
@@ -120,7 +120,7 @@ def embed(figure: Any) -> str:
 
 
 def comparison_page(curves: Sequence[tuple[str, CurveFit, Source]], order: Ranking | None = None) -> str:
-    """A page with all curves and their differences from the first, or in ``order`` if many."""
+    """A page with all curves and their differences from the first."""
     many = order is not None and len(curves) > MOST_IN_COLOURS
     sources = joint_source([source for _, _, source in curves])
     with style.house_style():

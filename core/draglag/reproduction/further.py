@@ -15,7 +15,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Tally:
-    """Intervals that hold the paper's value, of ``judged`` seeds that determine the coefficient."""
+    """Intervals that hold the paper's value, of ``judged`` seeds that determine it."""
 
     screen: str
     name: str
@@ -25,8 +25,6 @@ class Tally:
 
 @dataclass(frozen=True)
 class FurtherSeeds:
-    """Table 2 with other seeds."""
-
     seeds: tuple[int, ...]
     tallies: tuple[Tally, ...]
 
@@ -66,7 +64,7 @@ class FurtherSeeds:
 
 
 def further_seeds(seeds: Sequence[int], progress: Progress | None = None) -> FurtherSeeds | None:
-    """Tallies of Table 2 over the seeds, about half a second a row."""
+    """Tallies over the seeds, half a second a row."""
     if not seeds:
         return None
     on_progress = progress or (lambda fraction, text: None)
@@ -97,7 +95,7 @@ def table_further(found: FurtherSeeds) -> tuple[list[str], list[list[str]]]:
 
 
 def further_words(found: FurtherSeeds) -> Iterator[str]:
-    """The count in sentences, and where intervals miss too often."""
+    """The count in sentences."""
     if found.share_ci95 is None:
         return
     low, high = found.share_ci95

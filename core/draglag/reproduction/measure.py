@@ -24,7 +24,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Cell3:
-    """One cell of Table 3: means over three repeats; ``reading``: how the chirp's size was read."""
+    """One cell of Table 3, over three repeats; ``reading``: how the chirp's size was read."""
 
     screen: str
     target: str
@@ -96,10 +96,7 @@ class Reproduction:
 
 
 def reproduce(seed: int = 3, progress: Progress | None = None, n_further: int = 20) -> Reproduction:
-    """Tables 2 and 3 from simulated sessions of one seed.
-
-    ``n_further``: number of following seeds for the coverage of Table 2.
-    """
+    """Tables 2 and 3 from simulated sessions; ``n_further`` seeds for the coverage of Table 2."""
     on_progress = progress or (lambda fraction, text: None)
     rows = []
     for k, screen in enumerate(TABLE_2):
@@ -163,7 +160,7 @@ def _cells(screen: str, row: Row2, seed: int) -> tuple[Session, list[Cell3]]:
 
 
 def _j0_about_corrected_lines(one: Validation) -> float:
-    """J(0)/N about the lines of the corrected edges: on a circle a free slope absorbs part of the lag."""
+    """J(0)/N about the corrected edges' lines: on a circle a free slope absorbs part of the lag."""
     a, lines = one.alignment, one.alignment.lines
     top = a.side < 0
     slope = np.where(top, lines.slope_top, lines.slope_bottom)
@@ -180,10 +177,7 @@ def _law(row: Row2, screen: str) -> Law:
 
 
 def chirp_j0_mm2(law: Law, radius_mm: float, start_hz: float = 0.05, end_hz: float = 1.0) -> float:
-    """J(0)/N of a perfect chirp about the beam under a law: the mean of (v · L(v))² over its crossings.
-
-    Crossings are as frequent as revolutions: frequencies count in proportion to themselves.
-    """
+    """J(0)/N of a perfect chirp under a law: the mean of (v · L(v))² over its crossings, as frequent as revolutions."""
     f_hz = np.linspace(start_hz, end_hz, 2001)
     shift_mm = radius_mm * np.sin(np.minimum(2 * np.pi * f_hz * law(2 * np.pi * f_hz * radius_mm), np.pi / 2))
     return float(np.sum(f_hz * shift_mm**2) / np.sum(f_hz))

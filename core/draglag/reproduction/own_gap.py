@@ -1,4 +1,4 @@
-"""The paper's own gap: Eq. 5 lacks the plateau of Screen 2 below 100 mm/s in Fig. 5."""
+"""The paper's own gap: Eq. 5 lacks the plateau of Screen 2 in Fig. 5."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PLATEAU = LowSpeedPlateau.id
 
 @dataclass(frozen=True)
 class OwnGap:
-    """The workflow's result on simulated Screen 2. truth_mm_s: the simulated plateau."""
+    """The result on simulated Screen 2. truth_mm_s: the simulated plateau."""
 
     truth_mm_s: float
     session: Session = field(repr=False)
@@ -37,7 +37,7 @@ class OwnGap:
 
     @property
     def closed(self) -> bool:
-        """Whether the plateau alone was named and nothing remains."""
+        """Whether the plateau alone was named."""
         return self.report.verdict == "explained" and [s.effect for s in self.report.steps] == [PLATEAU]
 
     def to_dict(self) -> dict[str, object]:

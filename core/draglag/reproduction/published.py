@@ -1,4 +1,4 @@
-"""The paper's numbers: Tables 2 and 3, and the medians of Section III.B."""
+"""The paper's numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JSON Schemas and the page on the session file, made from the code that writes and reads them."""
+"""JSON Schemas and the page on the session file."""
 
 from draglag.schemas.make import schemas, write
 

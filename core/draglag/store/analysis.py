@@ -42,7 +42,7 @@ _MORE_UNITS = (("_percent", "percent"), ("_s", "s"))
 
 @dataclass(frozen=True)
 class StoredAnalysis:
-    """A stored result; ``up_to_date``: made from the present raw data, by checksum."""
+    """A stored result; ``up_to_date``: made from the present raw data."""
 
     number: int
     result: dict[str, Any]
@@ -54,10 +54,7 @@ class StoredAnalysis:
 
 
 def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[str, Any], created_utc: str = "") -> int:
-    """The number (1, 2 …) of the stored result; an equal one already stored keeps its number.
-
-    The file is replaced in one step. Raises DataError: not a session file, or not writable.
-    """
+    """The number (1, 2 …) of the stored result; an equal one already stored keeps its number. Raises DataError."""
     path = Path(path).resolve()
     with open_session(path) as file:
         number = 1 + max((int(name) for name in file.get("analysis", ()) if name.isdecimal()), default=0)
@@ -108,7 +105,7 @@ def _is_same(group: Any, result: Mapping[str, Any], options: Mapping[str, Any], 
 
 
 def result_nodes(stored: StoredAnalysis) -> Iterator[Node]:
-    """Groups of a result: JSON, and a table per list of flat records."""
+    """Groups of a result: JSON, and a table per list of records."""
     path = f"analysis/{stored.number}"
     about: dict[str, Value] = {"software": stored.software, "created_utc": stored.created_utc}
     about["input_sha256"] = stored.input_sha256
@@ -153,7 +150,6 @@ def _plain(value: Any) -> Any:
 
 
 def _table_node(path: str, name: str, records: Sequence[Mapping[str, Any]]) -> Node:
-    """Numbers as float64 (absent = NaN), else text."""
     flat = [flat_record(record) for record in records]
     columns: list[Column] = []
     rows: dict[str, Any] = {}
@@ -173,7 +169,6 @@ def _table_node(path: str, name: str, records: Sequence[Mapping[str, Any]]) -> N
 
 
 def _curve(result: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Runs by speed; error: half the 95 % interval."""
     drawn = []
     for row in result.get("runs", ()):
         known = _plain(row)

@@ -99,7 +99,7 @@ def fill(file: Any, nodes: Iterable[Node]) -> None:
 
 
 def zero_utc(started_utc: str, started_s: float | None) -> str:
-    """ISO 8601 of the host clock's zero; empty where unknown."""
+    """ISO 8601 of the host clock's zero, if known."""
     try:
         return (datetime.fromisoformat(started_utc) - timedelta(seconds=started_s or 0.0)).isoformat()
     except (ValueError, OverflowError):
@@ -161,7 +161,7 @@ def _until(nodes: Iterable[Node], ended: Callable[[], bool]) -> Iterator[Node]:
 
 
 class _Target(io.RawIOBase):
-    """A descriptor as a file for HDF5, which never sees its first ``error``."""
+    """A descriptor as a file for HDF5, which never sees its ``error``."""
 
     def __init__(self, fd: int, size: int = 0) -> None:
         self._fd = fd
@@ -203,7 +203,7 @@ class _Target(io.RawIOBase):
         return len(view)
 
     def truncate(self, size: int | None = None, /) -> int:
-        """Only note the size: the reserved room is kept until the file is whole."""
+        """The reserved room is kept until the file is whole."""
         self.size = self._at if size is None else size
         return self.size
 

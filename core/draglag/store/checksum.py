@@ -16,7 +16,7 @@ _ROWS = 1 << 16  # read at once
 
 
 def raw_checksum(file: Any) -> str:
-    """SHA-256 (hex) of names, attributes and values of the raw groups."""
+    """SHA-256 (hex) of names, attributes and values."""
     digest = hashlib.sha256()
     _add_attrs(digest, file)
     for name in (*RAW_GROUPS, "protocol_toml"):

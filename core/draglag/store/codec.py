@@ -1,4 +1,4 @@
-"""Records of a journal as bytes: a JSON head, then the columns, little-endian."""
+"""Records of a journal as bytes: a JSON head, then little-endian columns."""
 
 from __future__ import annotations
 
@@ -40,10 +40,8 @@ _MAX_COUNT = 2**48
 class Record:
     """One commit of a recording.
 
-    Attributes:
-        heads: session and open runs, repeated as other records may be damaged.
-        rows: path → rows in earlier records, of the session and of open runs.
-        runs: runs begun so far.
+    ``heads``: session and open runs, repeated as other records may be damaged; ``rows``: path → rows in earlier
+    records; ``runs``: runs begun.
     """
 
     nodes: tuple[Node, ...]

@@ -1,7 +1,7 @@
 """An append-only file of checksummed frames: a recording in progress.
 
 Frame, little-endian: magic 4, nonce 8, number u32, length u32, CRC-32 u32 (of nonce, number, length, payload), payload,
-zeros up to the next page. The file's nonce excludes frames of older files left on the disk.
+zeros up to the next page. The nonce excludes frames of older files left on the disk.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Locked(Exception):
 
 @dataclass(frozen=True)
 class Frame:
-    """One whole frame; ``end``: where its payload ends, bytes."""
+    """One whole frame; ``end`` of its payload, bytes."""
 
     number: int
     payload: bytes
@@ -72,7 +72,7 @@ class FrameFile:
         return _named(self.path, self.fd)
 
     def move(self, path: Path) -> None:
-        """Go on in a new file with all frames; the old one is deleted. Raises OSError, Locked."""
+        """Go on in a new file with all frames. Raises OSError, Locked."""
         fd = _create(path)
         try:
             at = 0
@@ -128,7 +128,7 @@ def sync_folder(folder: Path) -> None:
 
 
 def frames(fd: int) -> Iterator[Frame]:
-    """Whole frames by number, each once, wherever in the file."""
+    """Whole frames by number, each once."""
     places, nonce = _places(fd)
     size = os.fstat(fd).st_size
     for number in sorted(places):
@@ -138,7 +138,6 @@ def frames(fd: int) -> Iterator[Frame]:
 
 
 def _places(fd: int) -> tuple[dict[int, int], bytes | None]:
-    """Number of a frame → its offset, bytes; and the file's nonce."""
     size = os.fstat(fd).st_size
     places: dict[int, int] = {}
     at, nonce = 0, None
@@ -154,7 +153,7 @@ def _places(fd: int) -> tuple[dict[int, int], bytes | None]:
 
 
 def bytes_after(fd: int, end: int) -> int:
-    """Bytes of an incomplete frame after the payload that ends at ``end``."""
+    """Bytes of an incomplete frame after the payload up to ``end``."""
     return max(0, os.fstat(fd).st_size - (end + -end % PAGE))
 
 
@@ -199,7 +198,6 @@ def _write(fd: int, data: bytes, at: int) -> None:
 
 
 def _read(fd: int, length: int, at: int) -> bytes:
-    """Fewer bytes at the end or at an unreadable place."""
     parts: list[bytes] = []
     while length > 0:
         try:

@@ -55,8 +55,6 @@ class Survey:
     Attributes:
         session: the fullest attributes that could be read.
         holes: number of a record → nodes that mark rows missing before it.
-        losses: what is missing, a sentence each.
-        last: number of the last record; ``last_s``: time of the last sample.
         begun: runs begun, including unreadable ones.
     """
 
@@ -72,7 +70,7 @@ class Survey:
 
 
 def is_journal(path: Path) -> bool:
-    """Whether a file is a journal (early ``.partial`` files are HDF5); False where it cannot be read."""
+    """Whether a file is a journal; early ``.partial`` files are HDF5."""
     if not path.is_file():  # opening a pipe would wait for its other end
         return False
     try:
@@ -99,7 +97,7 @@ def open_journal(path: Path) -> Iterator[int]:
 
 
 def lock_journal(fd: int, path: Path) -> bool:
-    """As ``frames.lock``, with DataError where another process records."""
+    """As ``frames.lock``; raises DataError where another process records."""
     try:
         return lock(fd)
     except Locked:
@@ -109,7 +107,7 @@ def lock_journal(fd: int, path: Path) -> bool:
 
 
 def survey(fd: int, where: str) -> Survey:
-    """The scan of all records. Raises DataError where none describes the session."""
+    """The scan. Raises DataError where no record describes the session."""
     found = Survey()
     if os.fstat(fd).st_size == 0:
         raise DataError(message("{path}: is empty: the recording ended before it began", path=where), "Delete it")
@@ -207,7 +205,7 @@ def remarks(found: Survey) -> tuple[str, ...]:
 
 
 def records(fd: int) -> Iterator[tuple[int, Record, int]]:
-    """(number, record, end of its frame in bytes) of every readable record."""
+    """(number, record, end in bytes) of every readable record."""
     for frame in frames(fd):
         try:
             yield frame.number, decode(frame.payload), frame.end

@@ -1,4 +1,4 @@
-"""Files left by a recording killed while closing, deleted at the next start."""
+"""Files left by a recording killed while closing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BUILDING = re.compile(rf"\..+\.[0-9a-f]{{8}}{re.escape(TEMPORARY)}\Z")
 
 
 def clear_leftovers(folder: Path | str) -> list[Path]:
-    """Paths deleted: unfinished session files, and journals that a session file holds whole, by checksum."""
+    """Paths deleted: unfinished session files, and journals that a session file holds whole."""
     gone: list[Path] = []
     folder = Path(folder)
     found = [path for path in folder.glob(f".*{TEMPORARY}") if _BUILDING.match(path.name)]

@@ -64,7 +64,7 @@ def make_column(group: Any, column: Column, chunk: int, length: int = 0) -> Any:
 
 
 def make_table(group: Any, table: Table, present: Mapping[str, Any], start: str) -> None:
-    """Make columns that are required or have rows. ``start``: ISO 8601 of the zero of ``time`` (as in NeXus)."""
+    """Make columns that are required or have rows. ``start``: ISO 8601 of the zero of ``time``."""
     scale = make_column(group, table.scale, table.chunk)
     scale.make_scale(table.scale.name)
     if table.scale.name == "time" and start:
@@ -77,7 +77,7 @@ def make_table(group: Any, table: Table, present: Mapping[str, Any], start: str)
 def append_rows(group: Any, table: Table, rows: Mapping[str, NDArray[Any]]) -> None:
     """Append rows to every column, the scale last: rows it counts are complete.
 
-    Low-level h5py, as five appends a second must not delay the drawing of the target.
+    Low-level h5py, as five appends a second must not delay the target's drawing.
     """
     total = max((len(values) for values in rows.values()), default=0)
     if not total:

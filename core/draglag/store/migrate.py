@@ -10,10 +10,7 @@ from draglag.store.read import read_session
 
 
 def migrate(path: Path | str, out: Path | str) -> Path:
-    """The path ``out``: the file with its stored results in the present schema.
-
-    Raises DataError: not a session file, or ``out`` exists.
-    """
+    """The path ``out``: the file in the present schema. Raises DataError: not a session file, or ``out`` exists."""
     written = write_session(read_session(path), out)
     for stored in read_analyses(path):
         options = {**stored.options, "migrated_from": stored.software}

@@ -16,7 +16,7 @@ _SIGNALS = {"touch": ("y_mm", ("x_mm",)), "laser": ("light", ()), "display": ("y
 
 
 def mark(file: Any) -> None:
-    """Mark every group, and the default plot: latency against speed, else y of the first run's touches."""
+    """Mark every group, and the default plot: latency against speed, else touches."""
     runs, analyses = file.get("runs", {}), file.get("analysis", {})
     for run in runs.values():
         _mark_run(run)

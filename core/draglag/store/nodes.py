@@ -12,10 +12,7 @@ from draglag.store.schema import Node, Table, Value
 
 
 def separate(node: Node, owners: dict[str, Value]) -> Node:
-    """The node, in its own group where two streams give one group name.
-
-    ``owners``: path → stream of all nodes so far; extended.
-    """
+    """The node, in its own group where two streams give one group name."""
     stream, path, number = node.attrs.get("stream"), node.path, 2
     if stream is None:
         return node

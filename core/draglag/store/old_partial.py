@@ -1,4 +1,4 @@
-"""What can be read of damaged HDF5: session files, and ``.partial`` files of the first recordings."""
+"""What can be read of damaged HDF5: session files, and ``.partial`` files of early recordings."""
 
 from __future__ import annotations
 
@@ -38,8 +38,6 @@ _STREAMS = ("touch", "laser")
 
 @dataclass(frozen=True)
 class _Rows:
-    """A column; ``values`` hold the fill where not ``readable``."""
-
     values: NDArray[Any]
     readable: NDArray[np.bool_]
 
@@ -215,7 +213,6 @@ def _copy(parent: Any, name: str, target: Any, losses: list[str], left_out: froz
 
 
 def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str], left_out: frozenset[str]) -> set[str]:
-    """Copy readable rows; not rows beyond the scale or without a time."""
     present = [c for c in table.every() if f"{source.name}/{c.name}".strip("/") not in left_out]
     columns = {c.name: _readable_rows(source, c) for c in present if c.name in source}
     scale = columns.get(table.scale.name)
@@ -249,7 +246,7 @@ def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]
 
 
 def _rows_with_times(scale: _Rows | None, table: schema.Table, length: int) -> np.ndarray:
-    """Rows (length,) with a readable scale; a non-finite time is room never filled."""
+    """Rows with a readable scale; a non-finite time is room never filled."""
     if scale is None or table.scale.kind == "i":
         return np.ones(length, bool)
     return scale.readable & np.isfinite(scale.values) if table.scale.kind == "f" else scale.readable.copy()

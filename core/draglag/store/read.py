@@ -54,10 +54,9 @@ CHANGED = message(
 
 
 def read_session(path: Path | str) -> Session:
-    """The raw data of a session file or journal.
+    """The raw data of a session file or journal; a warning in the notes marks data changed after recording.
 
-    A warning in the notes marks raw data changed after recording. Raises DataError: no such file, not a session,
-    damaged, links out of the file, a future version, times that go back or are impossible.
+    Raises DataError: no such file, not a session, damaged, links out of the file, a future version, impossible times.
     """
     path = Path(path)
     with open_recorded(path) as file:
@@ -89,7 +88,7 @@ def read_unchecked(path: Path | str) -> Session:
 
 @contextmanager
 def open_recorded(path: Path) -> Iterator[Any]:
-    """Yields the open session file, or a journal's session in memory. Raises DataError."""
+    """Yields the open session file, or a journal's session in memory."""
     if not is_journal(path):
         with open_session(path) as file:
             yield file
@@ -139,7 +138,7 @@ def _texts(file: Any, name: str) -> dict[str, str]:
 
 
 def run_of(group: Any, columns: Columns = read_columns) -> Run:
-    """A run from its group; one cut off while recording reads as "aborted"."""
+    """A run from its group; one cut off reads as "aborted"."""
     outcome = text_attr(group, "outcome", "aborted")
     target = group.get("target")
     return Run(

@@ -1,4 +1,4 @@
-"""Session files that may be damaged or hostile: checked before reading, no link followed."""
+"""Damaged or hostile session files: checked before reading, no link followed."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def open_session(path: Path | str) -> Iterator[Any]:
     """Yields the file, read only, after a check of every item.
 
     Raises DataError: no such file, not HDF5, truncated, another format, a newer version, links that lead elsewhere,
-    types or sizes that no session file has; also for HDF5 errors in the block.
+    impossible types or sizes; also for HDF5 errors in the block.
     """
     path = Path(path)
     with named_errors(path), open_hdf5(path) as file:
@@ -171,7 +171,7 @@ def check_tree(file: Any, path: Path) -> None:
 
 
 def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
-    """(name, problem) of every item that no session file has, found without reading it."""
+    """(name, problem) of every item that no session file has."""
     seen: set[int] = set()
     waiting = [("", file, 0)]
     count, claimed = 0, 0
@@ -200,7 +200,6 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
 
 
 def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
-    """The group to search or the column to count, None for neither; and its problems."""
     if not isinstance(group.get(key, getlink=True), h5py.HardLink):
         return None, [message("is a link to another place")]
     item = group[key]
@@ -238,7 +237,7 @@ def _bytes(dataset: Any) -> int:
 
 
 def dataset_problem(dataset: Any) -> str:
-    """The problem of a dataset, found without reading it; empty if none."""
+    """The problem of a dataset, or empty; nothing is read."""
     kind = dataset.dtype
     plist = dataset.id.get_create_plist()
     if kind.kind not in "iufS" or kind.hasobject or kind.fields or kind.subdtype or h5py.check_enum_dtype(kind):

@@ -17,8 +17,6 @@ from draglag.store.read import read_unchecked
 
 @dataclass(frozen=True)
 class Salvaged:
-    """The session, its new file, and what was lost."""
-
     session: Session
     path: Path
     losses: tuple[str, ...]

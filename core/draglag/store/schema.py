@@ -52,7 +52,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Columns over one dimension scale, which counts rows if of kind "i". ``chunk``: rows."""
+    """Columns over one dimension scale; of kind "i", it counts rows."""
 
     scale: Column
     columns: tuple[Column, ...]
@@ -166,7 +166,7 @@ LOG = Table(
 
 
 def check_run_id(run_id: str, where: str) -> str:
-    """The id, if it can name a group and a file. Raises DataError."""
+    """The id. Raises DataError if it cannot name a group and a file."""
     if not _RUN_ID.match(run_id) or run_id != run_id.strip() or ".." in run_id:
         raise DataError(
             message("{path}: “{run}” cannot be the id of a run", path=where, run=run_id[:100]),
@@ -186,7 +186,7 @@ def as_text(value: str) -> str:
 
 
 def cut_text(text: str, limit: int) -> list[str]:
-    """Pieces of at most ``limit`` bytes of UTF-8, cut between characters; at least one."""
+    """Pieces of at most ``limit`` bytes of UTF-8, cut between characters."""
     parts: list[str] = []
     rest = as_text(text).encode()
     while len(rest) > limit:

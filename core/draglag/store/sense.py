@@ -14,7 +14,7 @@ REMEDY = message("Use an untouched copy of the file; draglag verify lists all th
 
 
 def check_times(session: Session, where: str) -> Session:
-    """The session. Raises DataError for times that are no numbers, go back or are far off."""
+    """The session. Raises DataError for impossible times."""
     for run in session.runs:
         if not np.isfinite([run.start_s, run.duration_s]).all():
             raise DataError(
@@ -29,7 +29,7 @@ def check_times(session: Session, where: str) -> Session:
 
 
 def first_problem(stream: str, t_s: FloatArray, run: Run) -> str:
-    """The first sample of impossible time, as a sentence; empty if none."""
+    """The first sample of impossible time, as a sentence."""
     t_s = np.asarray(t_s)
     bad = np.flatnonzero(~np.isfinite(t_s))
     if bad.size:

@@ -64,7 +64,7 @@ def touch_nodes(path: str, trace: TouchTrace) -> Iterator[Node]:
 
 
 def axes_nodes(path: str, trace: TouchTrace) -> Iterator[Node]:
-    """The axes, written once, not with every batch."""
+    """The axes, written once."""
     if trace.axes:
         number = {
             key: np.array([getattr(axis, key) for axis in trace.axes], np.int64)

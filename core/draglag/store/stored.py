@@ -16,7 +16,7 @@ BLOCK_ROWS = 1 << 16
 
 
 class StoredColumn:
-    """A numeric column of an open file, for length, slices and ``np.asarray``; what is read is not kept."""
+    """A numeric column of an open file, for length, slices and ``np.asarray``; not kept in memory."""
 
     ndim = 1
 
@@ -51,6 +51,6 @@ def stored_columns(group: Any, table: Table) -> dict[str, Any]:
 
 
 def blocks(length: int) -> Iterator[slice]:
-    """Slices of at most ``BLOCK_ROWS`` rows that cover ``length``."""
+    """Slices of at most ``BLOCK_ROWS`` rows."""
     for start in range(0, length, BLOCK_ROWS):
         yield slice(start, min(start + BLOCK_ROWS, length))

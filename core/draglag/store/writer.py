@@ -1,4 +1,4 @@
-"""A session recorded into a journal (``<name>.partial``) and at its end into the session file."""
+"""A session recorded into a journal (``<name>.partial``), then a session file."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class SessionWriter:
         header: the session; its runs are written too.
 
     Attributes:
-        restored: how often the journal was deleted by others and rewritten.
+        restored: how often others deleted the journal.
 
     Raises DataError where the file (or its journal) exists or cannot be made. An exception in a ``with`` block keeps
     the journal for ``salvage``.
@@ -105,7 +105,7 @@ class SessionWriter:
         self.flush()
 
     def append_touch(self, run_id: str, trace: TouchTrace) -> None:
-        """Append touch events in order of time; the axes belong to ``begin_run``."""
+        """Append touch events in order of time."""
         self._wait(session_nodes.touch_nodes(f"runs/{self._recording(run_id)}/touch", trace))
 
     def append_laser(self, run_id: str, trace: LaserTrace) -> None:
@@ -115,7 +115,7 @@ class SessionWriter:
         self._wait(session_nodes.display_nodes(f"runs/{self._recording(run_id)}/display", trace))
 
     def append_clock(self, bounds: ClockBounds, run_id: str | None = None) -> None:
-        """Append clock comparisons of one stream, of the session or of one run."""
+        """Append clock comparisons of one stream."""
         place = "clocks" if run_id is None else f"runs/{self._recording(run_id)}/sync"
         self._wait(session_nodes.clock_nodes(place, bounds))
 
@@ -151,7 +151,7 @@ class SessionWriter:
             raise self._unwritable(error) from error
 
     def move(self, path: Path | str) -> None:
-        """Go on under another path with all data. Raises DataError: stays as is."""
+        """Go on under another path with all data; unchanged on DataError."""
         path = Path(path)
         refuse(path)
         partial = path.with_name(path.name + PARTIAL)
@@ -163,10 +163,7 @@ class SessionWriter:
         self.path = path
 
     def close(self) -> Path:
-        """The session file; the journal is deleted. Open runs become "aborted".
-
-        Raises DataError: the journal stays, and this may be called again.
-        """
+        """The session file; the journal is deleted, or stays with a DataError. Open runs become "aborted"."""
         if self._closed:
             return self.path
         for run_id in sorted(set(self._open) - self._ended):
@@ -261,7 +258,6 @@ class SessionWriter:
 
 
 def _packed(waiting: list[Node]) -> list[list[Node]]:
-    """One record, or one for each node where too long together."""
     if sum(row_count(node) for node in waiting) <= _RECORD_ROWS:
         return [waiting]
     return [[node] for node in waiting]

@@ -1,4 +1,4 @@
-"""One thread for linear algebra: on small matrices several are slower, up to tenfold on a busy machine."""
+"""One thread for linear algebra: on small matrices several are slower."""
 
 from collections.abc import Callable
 from functools import cache, wraps
@@ -13,12 +13,11 @@ R = TypeVar("R")
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """Cached, as finding them takes milliseconds."""
     return ThreadpoolController()
 
 
 def one_blas_thread(call: Callable[P, R]) -> Callable[P, R]:
-    """Decorator: the call computes on one thread; the former setting is restored."""
+    """Decorator: the call computes on one thread."""
 
     @wraps(call)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:

@@ -1,4 +1,4 @@
-"""Which package brings a missing module, and the line that installs it."""
+"""Missing packages, and the line that installs them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from draglag.messages import message
 
 @dataclass(frozen=True)
 class Package:
-    """A package by its name for pip; ``extra``: draglag's extra with it, if any."""
+    """A package by its name for pip; ``extra``: draglag's extra with it."""
 
     name: str
     extra: str = ""
@@ -56,7 +56,7 @@ PACKAGES = {
 
 
 def package_of(module: str) -> Package | None:
-    """The package that brings a module, or None if draglag uses none such."""
+    """The package that brings a module, if draglag uses it."""
     return PACKAGES.get(module.partition(".")[0])
 
 
@@ -76,14 +76,14 @@ def advice(module: str) -> tuple[str, str]:
 
 
 def missing_package(error: ModuleNotFoundError) -> DraglagError | None:
-    """The error for people if a known package is missing; None for a mistake of the program."""
+    """The error if a known package is missing; None for a mistake of the program."""
     if package_of(error.name or "") is None:
         return None
     return DraglagError(*advice(error.name or ""))
 
 
 def need(*modules: str) -> None:
-    """Raise DraglagError if one of these modules is missing; imports nothing."""
+    """Raise DraglagError if one of these modules is missing."""
     for module in modules:
         if not _is_there(module):
             raise DraglagError(*advice(module))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 def brought(group: str, noun: str, problem_of: Callable[[str, object], str]) -> Iterator[tuple[str, object]]:
     """Name and object of a group's entry points; unusable ones are left out with a warning.
 
-    ``problem_of``: (name, object) → what keeps it from being used, or empty.
+    ``problem_of``: (name, object) → what keeps it from being used.
     """
     from importlib.metadata import entry_points  # takes longer to import than all of what it finds here
 

@@ -1,4 +1,4 @@
-"""Files that grow in a locked temporary folder next to their place; leftovers of killed processes."""
+"""Files that grow in a temporary folder next to their place."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NAME = re.compile(r"\.draglag-tmp-(\d+)-(\d+)-[0-9a-f]{8}")
 
 @contextmanager
 def temporary_for(path: Path) -> Iterator[Path]:
-    """A path in a new temporary folder, to be renamed to ``path`` before the block ends. Raises OSError."""
+    """A path in a new, locked temporary folder, to be renamed to ``path`` before the block ends."""
     number = os.getpid()
     folder = path.absolute().parent / f".draglag-tmp-{number}-{_started(number)}-{uuid.uuid4().hex[:8]}"
     folder.mkdir()
@@ -40,7 +40,7 @@ def temporary_for(path: Path) -> Iterator[Path]:
 def new_file(path: Path | str, replace: bool = False) -> Iterator[Path]:
     """A place to write at; the file gets its name at the end of the block, whole or not at all.
 
-    ``replace``: overwrite; a link stays a link. Raises DataError if the name is taken or the folder missing, OSError.
+    ``replace``: overwrite; a link stays a link. Raises OSError, and DataError as ``refuse``.
     """
     path = Path(path).resolve() if replace else Path(path)
     if not replace:
@@ -78,10 +78,7 @@ def refuse(path: Path) -> None:
 
 
 def sweep(folder: Path) -> list[Path]:
-    """Temporary folders removed as their maker has ended.
-
-    Other accounts' folders stay, as do locks that are held or cannot be asked for (perhaps by another computer).
-    """
+    """Temporary folders of ended processes, removed; those locked or of other accounts stay."""
     try:
         found = [name for name in os.listdir(folder) if _NAME.fullmatch(name)]
     except OSError:
@@ -108,7 +105,7 @@ def _removed(path: Path) -> bool:
 
 
 def _started(number: int) -> int:
-    """Start of a process in clock ticks since boot; 0 without such a process, or without /proc."""
+    """Clock ticks since boot; 0 if unknown."""
     try:
         status = Path(f"/proc/{number}/stat").read_bytes()
     except OSError:

@@ -1,4 +1,4 @@
-"""From kernel input events to contacts: multi-touch slots (protocol B), plain axes, lost events."""
+"""From kernel input events to contacts (multi-touch protocol B, plain axes)."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class InputEvent:
 
 @dataclass(frozen=True)
 class Contact:
-    """One finger or stylus in one frame, device units. ``moved``: this frame reported its position."""
+    """One contact in one frame, device units. ``moved``: this frame reported its position."""
 
     contact_id: int
     x: int
@@ -44,10 +44,8 @@ class Contact:
 class Frame:
     """What one SYN_REPORT closed.
 
-    Attributes:
-        t_s: kernel stamp. contacts: all that are down, by slot. lifted: ids of ended contacts.
-        device_t_s: the digitiser's own unwrapped stamp (MSC_TIMESTAMP).
-        dropped: the kernel's buffer overflowed before; positions may be stale until ``resync``.
+    ``contacts``: all that are down, by slot; ``device_t_s``: the digitiser's own unwrapped stamp (MSC_TIMESTAMP);
+    ``dropped``: the kernel's buffer overflowed before; positions may be stale until ``resync``.
     """
 
     t_s: float
@@ -106,10 +104,7 @@ class FrameDecoder:
         return None
 
     def resync(self, slots: Mapping[int, tuple[int, int, int]], current: int = 0) -> None:
-        """Replace all slots by the kernel's state: slot → (tracking id or −1, x, y).
-
-        A plain panel numbers no contacts: one down before and after counts as the same.
-        """
+        """Replace all slots by the kernel's state: slot → (tracking id or −1, x, y)."""
         if not self.multitouch:
             contact, x, y = slots.get(0, (-1, 0, 0))
             self._press(contact >= 0)
@@ -225,7 +220,7 @@ def panel_mapping(
 
 @dataclass
 class ContactFollower:
-    """Follows the first contact that goes down until it lifts; ``ignored`` counts others."""
+    """Follows the first contact until it lifts; ``ignored`` counts others."""
 
     current: int | None = None
     ignored: int = 0
@@ -249,10 +244,7 @@ def touch_trace(
     axes: tuple[AxisInfo, ...] = (),
     follower: ContactFollower | None = None,
 ) -> TouchTrace:
-    """The followed contact as a trace, an event a frame; repeated positions stay.
-
-    A frame after SYN_DROPPED marks a gap back to the frame before it.
-    """
+    """The followed contact as a trace; repeated positions stay. A frame after SYN_DROPPED marks a gap before it."""
     follower = follower if follower is not None else ContactFollower()
     rows: list[tuple[float, int, int, int, float]] = []
     gaps: list[tuple[float, float]] = []

@@ -11,7 +11,7 @@ _OTHER_AXES = {0x02: "ABS_Z", 0x03: "ABS_RX", 0x04: "ABS_RY", 0x05: "ABS_RZ", 0x
 
 
 def event_names(kinds: Iterable[tuple[int, int]]) -> Message:
-    """Names of events by (type, code), from the kernel's headers."""
+    """Names of events by (type, code)."""
     names = []
     for kind, code in sorted(set(kinds)):
         if kind == EV_ABS:

@@ -38,7 +38,7 @@ class _Place:
 
 @dataclass
 class PacketDecoder:
-    """As ``FrameDecoder``; a frame lists all contacts. Where they have no number, the nearest of two frames are one."""
+    """As ``FrameDecoder``; contacts without numbers are matched to the nearest of the frame before."""
 
     _values: dict[int, int] = field(default_factory=dict)
     _places: list[_Place] = field(default_factory=list)

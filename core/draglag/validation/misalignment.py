@@ -1,4 +1,4 @@
-"""How much of a run's misalignment a latency model removes (Eq. 4)."""
+"""Misalignment that a latency model removes from a run (Eq. 4)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from draglag.shown import brief
 
 @dataclass(frozen=True)
 class Validation:
-    """Eq. 4 for one run. Speeds are at the crossings, ``n_extrapolated`` of them outside the curve's range."""
+    """Eq. 4 for one run, with speeds at the crossings."""
 
     run: str
     protocol: str
@@ -59,8 +59,7 @@ def validate_run(
 ) -> Validation:
     """Eq. 4 for one run and latency law. Raises EstimateError if too few edges can be placed or a side is empty.
 
-    J(L): touch events at t + L(v), v the paper's Savitzky–Golay speed; ``smoothed``: the movement behind the law
-    (``stylus_path``).
+    Touch events at t + L(v), v the paper's Savitzky–Golay speed; ``smoothed``: on ``stylus_path``.
     """
     if ready.edges.t_s.size < FEWEST_EDGES:
         raise EstimateError(
@@ -110,7 +109,6 @@ def validate_run(
 
 
 def _shifted(ready: Prepared, law: Law, losses_s: FloatArray) -> tuple[Edges, FloatArray, FloatArray]:
-    """The edges in contact at t and at t + L(v), L, and v, the trace's speed at t + L."""
     touch = ready.touch
     try:
         grid_s, _, _, speed = savitzky_golay(touch)
@@ -139,7 +137,6 @@ class _Placed:
 
 
 def _placed(ready: Prepared, path: StylusPath, losses_s: FloatArray) -> _Placed | None:
-    """The edges of known place, on their lines; None if too few or on one side only."""
     t_s, touch_t_s = ready.edges.t_s, ready.touch.t_s
     latency_s, speed, xy_mm = path.at(t_s)
     keep = (t_s > path.event_t_s[0] + 0.02) & (t_s < path.event_t_s[-1] - 0.02) & np.isfinite(latency_s)

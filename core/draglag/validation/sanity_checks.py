@@ -22,7 +22,7 @@ DRIFT_LIMIT_MS_PER_MIN = 1.0  # what the paper demands of a clock
 class AsymptoteCheck:
     """Median tap less the curve's asymptote a7.
 
-    ``equivalent``: both one-sided tests at 5 % exclude a difference of ``margin_s`` or more (TOST).
+    ``equivalent``: both one-sided tests at 5 % exclude ``margin_s`` or more (TOST).
     """
 
     kind: str
@@ -49,7 +49,7 @@ class AsymptoteCheck:
 def asymptote_check(
     curve: CurveFit, taps: Mapping[str, TapSummary], margin_s: float = MARGIN_S
 ) -> list[AsymptoteCheck]:
-    """One check a kind of tap; none if the curve has no asymptote or it was tied to the taps."""
+    """One check a kind of tap; none without an untied asymptote."""
     if "a7_ms" not in curve.parameters or curve.tied_asymptote_s is not None:
         return []
     asymptote_s = 1e-3 * curve.parameters["a7_ms"]

@@ -1,4 +1,4 @@
-"""Columns of another program's table, by ``--map KEY=COLUMN[:UNIT]`` (keys: docs/importing.md)."""
+"""Columns of another program's table, by ``--map KEY=COLUMN[:UNIT]`` (docs/importing.md); errors name file and line."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class ColumnMap:
     streams: dict[str, str]
 
     def names(self, keys: Iterable[str], defaults: dict[str, tuple[str, str]]) -> dict[str, tuple[str, str]]:
-        """Column and unit of those keys that are mapped or have a default."""
+        """Column and unit of the keys that are mapped or have a default."""
         known = {**defaults, **self.columns}
         return {key: known[key] for key in keys if key in known}
 
 
 def parse_map(texts: Iterable[str]) -> ColumnMap:
-    """The map of ``--map`` texts; the default unit is the first in ``UNITS``. Raises DataError."""
+    """The map of ``--map`` texts; default units are the first of ``UNITS``. Raises DataError."""
     columns: dict[str, tuple[str, str]] = {}
     shift_s: dict[str, float] = {}
     streams: dict[str, str] = {}
@@ -71,7 +71,7 @@ def parse_map(texts: Iterable[str]) -> ColumnMap:
 
 
 def read_touch_columns(path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None) -> TouchTrace:
-    """Touch events of a table. Raises DataError."""
+    """Touch events of a table."""
     found = how.names(("t", "x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
     rows = read_events(path, [name for name, _ in found.values()])
     by_key = dict(zip(found, rows.T, strict=True))
@@ -82,7 +82,7 @@ def touch_of(
     by_key: dict[str, FloatArray], units: dict[str, str], where: str, screen: Screen | None,
     units_per_mm: float | None, path: Path | None = None,
 ) -> TouchTrace:  # fmt: skip
-    """A trace from columns in their units. Raises DataError."""
+    """A trace from columns in their units."""
     t_s = _checked_times(by_key["t"] * _TIME[units["t"]], where, path)
     factors = {axis: _per_mm(axis, units[axis], where, screen, units_per_mm) for axis in ("x", "y")}
     mapping = Mapping2D(factors["x"], 0.0, 0.0, 0.0, factors["y"], 0.0)
@@ -117,7 +117,7 @@ def touch_of(
 
 
 def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
-    """Edges of a table. Raises DataError."""
+    """Edges of a table."""
     found = how.names(("laser.t", "laser.light"), LASER_DEFAULTS)
     rows = read_events(path, [name for name, _ in found.values()])
     return laser_of(rows[:, 0], rows[:, 1], found["laser.t"][1], found["laser.light"][1], str(path), path)
@@ -126,7 +126,7 @@ def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
 def laser_of(
     t: FloatArray, light: FloatArray, time_unit: str, light_unit: str, where: str, path: Path | None = None
 ) -> LaserTrace:
-    """Edges from levels, or from a sampled signal: each first sample beyond the threshold. Raises DataError."""
+    """Edges from levels, or from a signal that crosses a threshold."""
     t_s = _checked_times(t * _TIME[time_unit], where, path)
     if light_unit[0] in "<>":
         threshold = float(light_unit[1:])
@@ -168,7 +168,6 @@ def _place(where: str, path: Path | None, row: int) -> str:
 
 
 def _per_mm(axis: str, unit: str, where: str, screen: Screen | None, units_per_mm: float | None) -> float:
-    """Millimetres per unit. Raises DataError."""
     if unit in _LENGTH:
         return _LENGTH[unit]
     if unit == "raw":

@@ -1,4 +1,4 @@
-"""evemu recordings (``evemu-record``): lines E: (events) and A: (axes), plain or gzipped."""
+"""evemu recordings (``evemu-record``): lines E: (events) and A: (axes)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs of ``evtest``: a description, then lines "Event: time 12.345678, type 3 (EV_ABS), …"."""
+"""Logs of ``evtest``: a description, then lines "Event: time 12.345678, …"."""
 
 from __future__ import annotations
 

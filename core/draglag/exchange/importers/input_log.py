@@ -1,4 +1,4 @@
-"""A recording of the kernel's input events, whichever program wrote it."""
+"""The kernel's input events, whichever program recorded them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from draglag.touch_events.packets import SYN_MT_REPORT, decode_packets
 
 @dataclass(frozen=True)
 class InputLog:
-    """Events of one device. ``axes``: axis code → range, if described; ``size_mm``: the panel's (width, height)."""
+    """Events of one device. ``axes``: axis code → range; ``size_mm``: the panel's (width, height)."""
 
     name: str
     events: tuple[InputEvent, ...]
@@ -47,7 +47,7 @@ class InputLog:
 
     @property
     def without_slots(self) -> bool:
-        """Whether contacts are listed frame by frame (multi-touch protocol A), not kept in slots."""
+        """Whether contacts are listed frame by frame (multi-touch protocol A)."""
         kinds = {(event.type, event.code) for event in self.events}
         slots = ABS_MT_SLOT in self.axes or (EV_ABS, ABS_MT_SLOT) in kinds
         return self.multitouch and not slots and (EV_SYN, SYN_MT_REPORT) in kinds
@@ -58,7 +58,7 @@ class InputLog:
         return list(decode(self.events, self.multitouch))
 
     def position_axes(self) -> tuple[AxisInfo, AxisInfo] | None:
-        """The x and y axis of positions; None where not described."""
+        """The x and y axis, where described."""
         codes = (ABS_MT_POSITION_X, ABS_MT_POSITION_Y) if self.multitouch else (ABS_X, ABS_Y)
         if codes[0] in self.axes and codes[1] in self.axes:
             return self.axes[codes[0]], self.axes[codes[1]]
@@ -77,10 +77,7 @@ class InputLog:
 
 
 def mapping_of(log: InputLog, width_mm: float | None, height_mm: float | None, units_per_mm: float | None) -> Mapping2D:
-    """Device units → mm, by ``units_per_mm``, else the panel's size, else the axes' resolution.
-
-    Raises DataError where all are unknown.
-    """
+    """Device units → mm, by ``units_per_mm``, else the panel's size, else the axes' resolution. Raises DataError."""
     if units_per_mm is not None:
         if units_per_mm <= 0:
             raise DataError("units_per_mm must be above 0", "give the digitiser's units per mm")
@@ -106,7 +103,7 @@ def checked_event(t_s: float, kind: int, code: int, value: int) -> InputEvent:
 
 
 def refuse_step_back(events: Sequence[InputEvent], where: str, line: int) -> None:
-    """Raise DataError where the last event is earlier than the one before it."""
+    """Raise DataError where the last event is earlier than the one before."""
     if len(events) > 1 and events[-1].t_s < events[-2].t_s:
         raise DataError(
             message("{path}, line {line}: the time goes back", path=where, line=line),

@@ -27,7 +27,6 @@ class _Device:
     events: list[InputEvent] = field(default_factory=list)
 
     def positions(self) -> int:
-        """How many events give a position."""
         return sum(event.type == EV_ABS and event.code in (ABS_X, ABS_MT_POSITION_X) for event in self.events)
 
 
@@ -37,7 +36,7 @@ def read_libinput(path: Path) -> InputLog:
 
 
 def parse_libinput(text: str, where: str = "text") -> InputLog:
-    """As ``read_libinput``, of a text, line by line: a general YAML reader takes minutes and gigabytes."""
+    """As ``read_libinput``, of a text, line by line: general YAML readers take minutes and gigabytes."""
     devices: list[_Device] = []
     section = ""
     for number, line in enumerate(text.split("\n"), 1):

@@ -50,9 +50,8 @@ class HowToRead:
     Attributes:
         format: one of ``FORMATS``; None to detect it.
         laser: its file; None for the one next to the recording.
-        screen: None where the recording describes it.
         units_per_mm: device units per mm, where axes have no resolution.
-        protocol: kind of the run, as in ``recording.PROTOCOLS``.
+        protocol: one of ``recording.PROTOCOLS``.
     """
 
     format: str | None = None
@@ -65,7 +64,7 @@ class HowToRead:
 
 
 def read_recordings(paths: tuple[Path, ...], how: HowToRead | None = None) -> Session:
-    """A session, one run per recording. Raises DataError naming file and line, or what to give."""
+    """A session, one run per recording. Raises DataError."""
     how = how or HowToRead()
     if how.laser is not None and len(paths) > 1:
         raise DataError(
@@ -116,7 +115,7 @@ def laser_file_of(path: Path) -> Path | None:
 
 
 def format_of(path: Path) -> str:
-    """The format, of ``FORMATS``, by name and first lines. Raises DataError."""
+    """The format by name and first lines. Raises DataError."""
     if path.name.lower().endswith(".xdf"):
         return "xdf"
     head = plain_lines(path)[:_HEAD_BYTES].decode("utf-8", errors="replace")
@@ -187,7 +186,6 @@ def _read_laser(path: Path, how: ColumnMap, said: list[str]) -> LaserTrace:
 
 
 def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnMap) -> tuple[TouchTrace, LaserTrace]:
-    """Both traces, shifted. Raises DataError where they do not overlap."""
     shift_s, laser_shift_s = how.shift_s.get("clock", 0.0), how.shift_s.get("laser.clock", 0.0)
     touch = replace(touch, t_s=touch.t_s + shift_s, gaps_s=touch.gaps_s + shift_s)
     laser = replace(laser, t_s=laser.t_s + laser_shift_s)
@@ -208,7 +206,7 @@ def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnM
 
 
 def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list[str]) -> Screen | None:
-    """The panel as recorded; device units stand for its unknown pixels. Raises DataError."""
+    """The panel as recorded, its pixels the device's units."""
     axes = log.position_axes()
     if axes is None:
         return None

@@ -1,4 +1,4 @@
-"""XDF files of the Lab Streaming Layer, through pyxdf; stamps on the recorder's clock, not smoothed."""
+"""XDF files of the Lab Streaming Layer: stamps on the recorder's clock, not smoothed."""
 
 from __future__ import annotations
 
@@ -62,7 +62,6 @@ def read_xdf(
 
 
 def _streams(path: Path, said: list[str]) -> list[dict[str, Any]]:
-    """Numeric streams that have samples."""
     try:
         pyxdf: Any = importlib.import_module("pyxdf")
     except ModuleNotFoundError as missing:
@@ -83,7 +82,6 @@ def _streams(path: Path, said: list[str]) -> list[dict[str, Any]]:
 
 @contextmanager
 def _heard(library: str, said: list[str]) -> Iterator[None]:
-    """Collect the library's warnings in ``said``; on screen they bring tracebacks."""
     logger, handler = logging.getLogger(library), logging.Handler(logging.WARNING)
     before = logger.propagate
     warnings: list[str] = []

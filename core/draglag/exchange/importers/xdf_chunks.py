@@ -1,4 +1,4 @@
-"""Chunks of an XDF file (1.0, sccn/xdf), checked before pyxdf reads them: it allocates whatever a chunk claims."""
+"""Chunks of an XDF file (1.0), checked before pyxdf allocates what they claim."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _RESET_S = 1.0
 
 
 class _Damaged(Exception):
-    """A malformed chunk, or one out of place."""
+    """A malformed chunk."""
 
 
 @dataclass
@@ -89,7 +89,6 @@ def _chunks(data: bytes, found: Chunks) -> Iterator[tuple[int, bytes]]:
 
 
 def _length(data: bytes, at: int) -> tuple[int, int]:
-    """A variable-length integer, and where it ends. Raises _Damaged, struct.error."""
     size = data[at] if at < len(data) else 0
     if size not in _LENGTHS:
         raise _Damaged
@@ -101,7 +100,6 @@ def _whole(tag: int, content: bytes) -> bytes:
 
 
 def _sound(tag: int, content: bytes, found: Chunks) -> bool:
-    """Whether to keep the chunk. Raises _Damaged, struct.error."""
     if tag == _FILE_HEAD:
         _xml(content)
         return True
@@ -128,7 +126,7 @@ def _sound(tag: int, content: bytes, found: Chunks) -> bool:
 
 
 def _xml(content: bytes) -> Element:
-    """A document without entity definitions, which could grow without bound. Raises _Damaged."""
+    """A document without entity definitions, which could grow without bound."""
     if len(content) > HEADER_BYTES or b"<!" in content or b"\0" in content:
         raise _Damaged
     try:
@@ -138,7 +136,6 @@ def _xml(content: bytes) -> Element:
 
 
 def _sample_bytes(head: Element) -> int | None:
-    """Bytes of a sample; None for a stream of texts. Raises _Damaged."""
     kind = head.findtext("channel_format", "")
     if head.tag != "info" or head.find("name") is None or kind not in (*_NUMBERS, "string"):
         raise _Damaged
@@ -152,7 +149,7 @@ def _sample_bytes(head: Element) -> int | None:
 
 
 def _checked_samples(content: bytes, size: int) -> int:
-    """Number of samples, each a byte (0, or 8 and a stamp) and numbers. Raises _Damaged."""
+    """Number of samples, each a byte (0, or 8 and a stamp) and numbers."""
     count, at = _length(content, 0)
     body = np.frombuffer(content, np.uint8)[at:]
     for stamp, step in ((_STAMP, 1 + _STAMP + size), (0, 1 + size)):  # all of one kind, as is usual
@@ -169,7 +166,6 @@ def _checked_samples(content: bytes, size: int) -> int:
 
 
 def _follow_clock(stream: int, content: bytes, found: Chunks) -> None:
-    """Note a clock comparison: when, and the difference. Raises _Damaged."""
     if len(content) != 2 * _STAMP:
         raise _Damaged
     t_s, offset_s = struct.unpack("<dd", content)
