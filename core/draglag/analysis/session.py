@@ -74,6 +74,7 @@ class Analysis:
     source: Source | None = None
 
     def in_curve(self, run: RunEstimate) -> bool:
+        """Whether a run is a point of the curve."""
         return self.curve is not None and run.id not in self.excluded and _usable(run)
 
     def to_dict(self) -> dict[str, object]:

@@ -81,7 +81,6 @@ Tried = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 
 
 def _polished(log_theta: FloatArray, form: Form, at: Tried) -> FloatArray:
-    """Levenberg–Marquardt on the logarithms of the shapes."""
     k = log_theta.size
     low, high = np.log(form.lower), np.log(form.upper)
     h = 1e-4

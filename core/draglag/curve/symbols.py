@@ -11,7 +11,7 @@ SYMBOLS = {
 
 
 def symbol_html(parameter: str) -> tuple[str, str]:
-    """Symbol, as HTML, and unit; an unknown parameter's name."""
+    """Symbol, as HTML, and unit; for an unknown parameter its name."""
     if parameter not in SYMBOLS:
         return parameter, ""
     symbol, unit = SYMBOLS[parameter]

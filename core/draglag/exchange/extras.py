@@ -142,6 +142,7 @@ def read_clocks(folder: Path, parts: Sequence[ClockPart]) -> tuple[ClockBounds, 
 
 
 def entries(parts: Sequence[EntryPart]) -> tuple[LogEntry, ...]:
+    """Log entries of session.json."""
     return tuple(LogEntry(part.t_s, part.level, part.source, part.text) for part in parts)
 
 

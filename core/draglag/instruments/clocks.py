@@ -64,6 +64,8 @@ class EpochClock:
 
 @dataclass(frozen=True)
 class ClockFit:
+    """A device clock over its epochs."""
+
     stream: str
     epochs: Mapping[int, EpochClock] = field(default_factory=dict)
 

@@ -15,7 +15,7 @@ BLOCK_GAP_S = 0.35  # edges closer together than this share touch noise
 
 @dataclass(frozen=True)
 class TouchNoise:
-    """Noise of one coordinate; ``slow_share`` of its variance is correlated."""
+    """Noise of one coordinate; ``slow_share`` of its variance is correlated over slow_s."""
 
     sd_mm: float
     slow_share: float = 0.0
@@ -31,7 +31,7 @@ class TouchNoise:
 
 @dataclass(frozen=True)
 class HandSpectrum:
-    """As in ``draglag.simulation.Human``."""
+    """The hand's deviations, as in ``draglag.simulation.Human``."""
 
     wander_mm: float = 1.5
     wander_hz: float = 0.5

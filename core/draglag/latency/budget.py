@@ -44,7 +44,7 @@ class Systematic:
 
 
 def systematic(lateness_s_per_mm: float, budget: Sequence[Contribution] = BUDGET) -> Systematic:
-    """The sum of the budget."""
+    """Correction and uncertainty, summed over the budget."""
     correction_s = sum(c.delay_s + c.way_mm * lateness_s_per_mm for c in budget)
     variance = sum(c.delay_u_s**2 + (c.way_u_mm * lateness_s_per_mm) ** 2 for c in budget)
     return Systematic(float(correction_s), float(np.sqrt(variance)))

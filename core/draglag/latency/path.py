@@ -80,7 +80,7 @@ class Path:
         return looked_up(self._by_lag, lag_s / LAG_STEP_S)
 
     def excess_error(self, t_s: FloatArray, edge_of_s: FloatArray) -> FloatArray:
-        """Ratio (m,) of the error at t_s to that far from ends and gaps (k,)."""
+        """Ratio (m,) of the error at t_s to that far from ends and gaps, at edge_of_s (k,)."""
         scale = np.ones(t_s.size)
         near = np.flatnonzero(np.abs(t_s[:, None] - edge_of_s[None, :]).min(1) < 1.0 / self.corner_hz)
         if near.size:
@@ -134,7 +134,6 @@ def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
 
 
 def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[IntArray, list[FloatArray]]:
-    """First of four cubic B-splines at each time, and their values."""
     position = (t_s - start_s) / step_s
     first = np.clip(position.astype(np.int64), 0, n - 4)
     u = position - first

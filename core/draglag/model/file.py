@@ -113,11 +113,13 @@ class LatencyModel(_Table):
 
     @property
     def source(self) -> Source:
+        """What the model was made from, dated by the model."""
         of = self.provenance
         return Source(of.session or "a model without a session", of.created_utc, of.simulated)
 
     @property
     def curve(self) -> CurveFit:
+        """The curve, with its confidence band."""
         names = FORMS[self.form].names
         order = [list(self.parameters).index(name) for name in names]
         covariance = np.array(self.covariance, float)[np.ix_(order, order)]
@@ -231,7 +233,6 @@ def load_model(path: Path | str) -> LatencyModel:
 
 
 def _wrong_effect(model: LatencyModel) -> str:
-    """In words, an effect named twice or of impossible size."""
     ids = [effect.id for effect in model.effects]
     for effect in model.effects:
         if ids.count(effect.id) > 1:

@@ -109,7 +109,7 @@ def slope_of(law: Law, speed_mm_s: FloatArray) -> FloatArray:
 
 
 def stylus_time_s(t_s: FloatArray, xy_mm: FloatArray, at_s: FloatArray, law: Law, half_s: float) -> FloatArray:
-    """at_s − L(v), non-decreasing, (m,); t_s (n,) and at_s (m,) increasing."""
+    """at_s − L(v): when the stylus was where the trace shows it, non-decreasing, (m,); t_s and at_s increase."""
     fit = local_fit(t_s, xy_mm, at_s, half_s)
     latency_s = np.where(fit.ok, law(stylus_speed(law, fit.v_mm_s, fit.a_mm_s2)), np.nan)
     good = np.isfinite(latency_s)

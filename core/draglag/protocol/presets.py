@@ -104,7 +104,6 @@ def _text_of(name_or_path: str | Path, folder: str) -> tuple[str, str]:
 
 
 def _line_of(text: str, location: Sequence[int | str]) -> int:
-    """Line of the key at a pydantic location."""
     lines = text.splitlines()
     at = 0
     for depth, part in enumerate(location):

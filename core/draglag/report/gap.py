@@ -154,7 +154,6 @@ def _figures(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, st
 
 
 def _left_out(report: GapReport) -> str:
-    """Sentence on edges left out near switches of a second filter or near holes."""
     if report.first is None or report.last is None or report.first.use.size != report.last.use.size:
         return ""
     lost = np.count_nonzero(report.first.use & ~report.last.use)

@@ -66,7 +66,6 @@ def each_figure(curves: Mapping[str, CurveFit], ranking: Ranking) -> Any:
 
 
 def _short(name: str, letters: int) -> str:
-    """The end of a name, where files of one folder differ."""
     return name if len(name) <= letters else "…" + name[-letters + 1 :]
 
 

@@ -37,7 +37,7 @@ class OwnGap:
 
     @property
     def closed(self) -> bool:
-        """Whether the plateau alone was named."""
+        """Whether the plateau alone was named and nothing remains."""
         return self.report.verdict == "explained" and [s.effect for s in self.report.steps] == [PLATEAU]
 
     def to_dict(self) -> dict[str, object]:

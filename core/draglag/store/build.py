@@ -107,6 +107,7 @@ def zero_utc(started_utc: str, started_s: float | None) -> str:
 
 
 def reason(error: BaseException) -> Message:
+    """Why something could not be written."""
     if isinstance(error, OSError) and error.errno:
         return phrase(os.strerror(error.errno))
     return phrase(" ".join(str(error).split())[:200])

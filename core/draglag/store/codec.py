@@ -82,6 +82,7 @@ def decode(data: bytes) -> Record:
 
 
 def row_count(node: Node) -> int:
+    """Rows that a node adds to its table."""
     return max((len(values) for values in node.rows.values()), default=0)
 
 

@@ -1,8 +1,4 @@
-"""An append-only file of checksummed frames: a recording in progress.
-
-Frame, little-endian: magic 4, nonce 8, number u32, length u32, CRC-32 u32 (of nonce, number, length, payload), payload,
-zeros up to the next page. The nonce excludes frames of older files left on the disk.
-"""
+"""An append-only file of checksummed frames: a recording in progress."""
 
 from __future__ import annotations
 
@@ -31,7 +27,11 @@ class Locked(Exception):
 
 @dataclass(frozen=True)
 class Frame:
-    """One whole frame; ``end`` of its payload, bytes."""
+    """One whole frame; ``end``: where its payload ends, bytes.
+
+    Little-endian: magic 4, nonce 8, number u32, length u32, CRC-32 u32 (of nonce, number, length, payload), payload,
+    zeros up to the next page. The nonce excludes frames of older files left on the disk.
+    """
 
     number: int
     payload: bytes
@@ -102,7 +102,7 @@ class FrameFile:
 
 
 def lock(fd: int) -> bool:
-    """False where the file system has no locks. Raises Locked.
+    """True once locked; False where the file system has no locks. Raises Locked.
 
     flock: POSIX locks end when any descriptor of the file is closed.
     """

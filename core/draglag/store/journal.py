@@ -70,7 +70,7 @@ class Survey:
 
 
 def is_journal(path: Path) -> bool:
-    """Whether a file is a journal; early ``.partial`` files are HDF5."""
+    """Whether a file is a journal; early ``.partial`` files are HDF5, not journals."""
     if not path.is_file():  # opening a pipe would wait for its other end
         return False
     try:
@@ -107,7 +107,7 @@ def lock_journal(fd: int, path: Path) -> bool:
 
 
 def survey(fd: int, where: str) -> Survey:
-    """The scan. Raises DataError where no record describes the session."""
+    """The survey of all records. Raises DataError where none describes the session."""
     found = Survey()
     if os.fstat(fd).st_size == 0:
         raise DataError(message("{path}: is empty: the recording ended before it began", path=where), "Delete it")

@@ -138,7 +138,6 @@ def _make_empty(group: Any, stream: str) -> None:
 
 
 def _guess_attrs(group: Any, name: str, losses: list[str]) -> None:
-    """Where lost: the span from the samples, the protocol "free"."""
     times = np.concatenate([group[stream]["time"][()] for stream in _STREAMS if "time" in group[stream]])
     times = times[np.isfinite(times)]
     start_s, end_s = (float(times.min()), float(times.max())) if len(times) else (0.0, 0.0)

@@ -121,6 +121,7 @@ def log_nodes(path: str, entries: Iterable[LogEntry]) -> Iterator[Node]:
 
 
 def calibration_node(known: TouchCalibration) -> Node:
+    """The calibration of the touchscreen."""
     rows = {"x_raw": known.x_raw, "y_raw": known.y_raw, "x_mm": known.x_mm, "y_mm": known.y_mm}
     affine: dict[str, Value] = {name: float(value) for name, value in zip(AFFINE, np.ravel(known.matrix), strict=True)}
     return Node(

@@ -194,6 +194,7 @@ class Mapping2D:
     y0_mm: float
 
     def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Raw positions, both (n,), in mm."""
         return self.xx * x + self.xy * y + self.x0_mm, self.yx * x + self.yy * y + self.y0_mm
 
 

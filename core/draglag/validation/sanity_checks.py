@@ -49,7 +49,7 @@ class AsymptoteCheck:
 def asymptote_check(
     curve: CurveFit, taps: Mapping[str, TapSummary], margin_s: float = MARGIN_S
 ) -> list[AsymptoteCheck]:
-    """One check a kind of tap; none without an untied asymptote."""
+    """One check a kind of tap; none if the curve has no asymptote or a tied one."""
     if "a7_ms" not in curve.parameters or curve.tied_asymptote_s is not None:
         return []
     asymptote_s = 1e-3 * curve.parameters["a7_ms"]

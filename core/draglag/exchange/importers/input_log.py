@@ -53,6 +53,7 @@ class InputLog:
         return self.multitouch and not slots and (EV_SYN, SYN_MT_REPORT) in kinds
 
     def frames(self) -> list[Frame]:
+        """The events as frames."""
         if self.without_slots:
             return list(decode_packets(self.events))
         return list(decode(self.events, self.multitouch))

@@ -206,7 +206,6 @@ def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnM
 
 
 def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list[str]) -> Screen | None:
-    """The panel as recorded, its pixels the device's units."""
     axes = log.position_axes()
     if axes is None:
         return None
