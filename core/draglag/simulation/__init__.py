@@ -1,5 +1,4 @@
-"""The simulated measuring rig as a chain of effects: ``simulate_session``, or ``follow`` and ``simulate_run`` for one
-run."""
+"""The simulated measuring rig: ``simulate_session``; for one run ``follow`` and ``simulate_run``."""
 
 from draglag.simulation.chain import (
     RunTruth,

@@ -1,4 +1,4 @@
-"""The simulated rig: a motion through digitiser and sensor into a recording."""
+"""Simulated recordings of runs and sessions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ FRAME_HZ = 60.0
 
 @dataclass(frozen=True)
 class RunTruth:
-    """The true edges of one run, (m,) each, on the host's clock."""
+    """True edges of one run, (m,) each, on the host clock."""
 
     edge_s: FloatArray
     latency_s: FloatArray
@@ -43,18 +43,18 @@ class RunTruth:
 
     @property
     def mean_latency_s(self) -> float:
-        """Mean true latency over the edges; NaN without edges."""
+        """Mean over the edges; NaN without any."""
         return float(self.latency_s.mean()) if len(self.latency_s) else float("nan")
 
     @property
     def mean_speed_mm_s(self) -> float:
-        """Mean true speed over the edges; NaN without edges."""
+        """Mean over the edges; NaN without any."""
         return float(self.speed_mm_s.mean()) if len(self.speed_mm_s) else float("nan")
 
 
 @dataclass(frozen=True)
 class SimulationTruth:
-    """The truth behind a simulated session."""
+    """Truth behind a simulated session."""
 
     law: LatencyLaw
     effects: tuple[Effect, ...]
@@ -62,7 +62,7 @@ class SimulationTruth:
 
 
 class _Streams:
-    """Named random streams of one seed: no part's draws depend on which others exist."""
+    """Independent random generators by name, from one draw."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._seed = int(rng.integers(2**62))
@@ -74,7 +74,7 @@ class _Streams:
 def clock_bounds(
     rig: Rig, t_s: FloatArray, effects: Sequence[Effect], rng: np.random.Generator, session_start_s: float
 ) -> ClockBounds:
-    """Comparisons of the laser's clock with the host's at session times ``t_s``."""
+    """Comparisons of laser and host clock at session times ``t_s``."""
     before, after = rng.uniform(0.1, 0.9, len(t_s)) * rig.clock_width_s, np.full(len(t_s), rig.clock_width_s)
     host = t_s + session_start_s
     return ClockBounds("laser", _device_time(rig, t_s, effects), host - before, host - before + after)
@@ -146,12 +146,12 @@ def simulate_run(
     effects: Sequence[Effect] = (),
     session_start_s: float = 0.0,
 ) -> Run:
-    """The rig's recording of one motion.
+    """Recording of one motion.
 
     Args:
-        planned: target and nominal numbers kept with the run; None for a free run.
-        start_s: on the host's clock; effects count time from ``session_start_s``.
-        rng: takes one draw, which determines the run.
+        planned: None for a free run.
+        start_s: on the host clock; effects count time from ``session_start_s``.
+        rng: gives one draw.
     """
     return simulate_run_with_truth(
         rig,
@@ -245,14 +245,14 @@ def simulate_session(
     human: Human | None = None,
     session_start_s: float = 0.0,
 ) -> Session:
-    """A whole simulated session, bitwise reproducible.
+    """Simulated session, bitwise reproducible.
 
     Args:
-        screen_or_rig: a screen preset, a screen's TOML file, or a rig.
-        protocol: a protocol, a preset's name or a TOML file.
-        session_start_s: the host's clock at the session's start.
+        screen_or_rig: screen preset, TOML file or rig.
+        protocol: protocol, preset or TOML file.
+        session_start_s: on the host clock.
 
-    Raises DataError for unknown presets, malformed files, or a target that does not fit the screen.
+    Raises DataError: unknown preset, malformed file, target beyond the screen.
     """
     return simulate_session_with_truth(
         screen_or_rig, protocol, effects=effects, seed=seed, human=human, session_start_s=session_start_s

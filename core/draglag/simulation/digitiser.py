@@ -1,7 +1,4 @@
-"""From the stylus's motion to touch events.
-
-An event stamped τ shows where the stylus was at t, with t + L(v(t)) = τ.
-"""
+"""Touch events from the stylus' motion: stamped τ, the position at t with t + L(v(t)) = τ."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ class Reporting:
 
 
 def reporting(rig: Rig, k: Kinematics, effects: Sequence[Effect], stream: Stream) -> Reporting:
-    """Latency and reported position of every point, before scanning and noise."""
+    """Reporting before scanning and noise."""
     speed = k.speed_mm_s
     for effect in effects:
         speed = effect.law_speed(speed, k)
@@ -47,16 +44,14 @@ def reporting(rig: Rig, k: Kinematics, effects: Sequence[Effect], stream: Stream
 
 
 def arrival(t_s: FloatArray, latency_s: FloatArray) -> FloatArray:
-    """(n,) increasing stamps τ = t + L.
-
-    L may fall faster than time passes: older positions then arrive with the first newer one.
-    """
+    """Increasing stamps t + L, (n,). Where L falls faster than time passes, older positions arrive with the first newer
+    one."""
     tau = np.minimum.accumulate((t_s + latency_s)[::-1])[::-1]
     return np.asarray(tau + 1e-12 * np.arange(len(tau)))  # strictly increasing, so that it can be inverted
 
 
 def scan(rig: Rig, k: Kinematics, report: Reporting, rng: np.random.Generator) -> FloatArray:
-    """Session times of scans: a rate, a random phase, jitter; whole µs."""
+    """Jittered session times of scans, in whole µs."""
     period = 1 / rig.touch_rate_hz
     first, last = k.session_s[0], k.session_s[-1]
     n = int((last - first) / period) + 1
@@ -76,14 +71,14 @@ def _noise(rig: Rig, n: int, rng: np.random.Generator) -> FloatArray:
 
 
 def _lost(rig: Rig, t_s: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """(starts, ends) of losses of the stylus, in stylus time."""
+    """Begins and ends of contact losses, on the stylus' time."""
     n = rng.poisson(rig.contact_loss_per_s * (t_s[-1] - t_s[0]))
     start = np.sort(rng.uniform(t_s[0], t_s[-1], n))
     return start, start + rng.exponential(rig.contact_loss_s, n) + 0.02
 
 
 def touch_events(rig: Rig, k: Kinematics, report: Reporting, effects: Sequence[Effect], stream: Stream) -> TouchEvents:
-    """The run's touch events in session time, with noise, contact loss and effects."""
+    """Touch events of a run in session time."""
     stamps = scan(rig, k, report, stream("scan"))
     tau = arrival(k.session_s, report.latency_s)
     grid = np.arange(len(tau), dtype=float)

@@ -1,4 +1,4 @@
-"""A person who follows a target with a stylus."""
+"""A simulated participant."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from draglag.simulation.kinematics import GRID_HZ, FloatArray, Motion, grid, mot
 
 @dataclass(frozen=True)
 class Human:
-    """A participant's errors, as standard deviations unless said otherwise.
+    """A participant's errors; standard deviations unless said otherwise.
 
     Attributes:
-        lag_s: how far the hand trails the target.
-        timing_sd_s: slow variation of that lag, so of the speed.
-        wander_mm, wander_hz: slow error of position, each axis, and its bandwidth.
-        tremor_mm: physiological tremor, 8–12 Hz, each axis.
-        gain_sd: error of the figure's size, each axis independent: slightly oval circles.
-        touch_s: earliest and latest touch after the start.
+        lag_s: mean delay behind the target.
+        timing_sd_s: of the lag, which varies slowly.
+        wander_mm, wander_hz: slow error of position per axis, and its bandwidth.
+        tremor_mm: per axis, 8–12 Hz.
+        gain_sd: of the figure's size, per axis.
+        touch_s: earliest and latest touch.
     """
 
     lag_s: float = 0.08
@@ -46,7 +46,6 @@ def _sections(low_hz: float | None, high_hz: float) -> FloatArray:
 
 
 def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz: float, sd: float) -> FloatArray:
-    """(n,) band-limited Gaussian noise of that (expected) standard deviation."""
     white = rng.standard_normal(n + int(4 * GRID_HZ))  # the surplus keeps the filter's ends out
     if sd == 0:
         return np.zeros(n)
@@ -55,7 +54,7 @@ def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz:
 
 
 def follow(target: Target, human: Human, rng: np.random.Generator) -> Motion:
-    """The stylus's motion while ``human`` follows ``target``, on a 1 kHz grid."""
+    """Motion of ``human`` following ``target``."""
     t = grid(target.duration_s)
     n = len(t)
     delay = human.lag_s + _band_noise(rng, n, None, 0.4, human.timing_sd_s)

@@ -16,10 +16,7 @@ GRID_HZ = 1000.0
 
 @dataclass(frozen=True)
 class Motion:
-    """The stylus during one run, (n,) on one regular grid.
-
-    ``t_s``: from the start of the run; ``in_contact``: where the stylus touches the glass.
-    """
+    """Stylus during one run, (n,) on a regular grid; ``t_s`` from the run's start."""
 
     t_s: FloatArray
     x_mm: FloatArray
@@ -35,7 +32,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """A motion as effects see it: with session time and the panel's size."""
+    """A motion with session time and the panel's size."""
 
     motion: Motion
     session_s: FloatArray
@@ -57,7 +54,7 @@ class Kinematics:
 
 
 def motion_of(t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, in_contact: NDArray[np.bool_]) -> Motion:
-    """A motion from positions on a regular grid; velocities are central differences."""
+    """Motion with central differences as velocities."""
     return Motion(t_s, x_mm, y_mm, np.gradient(x_mm, t_s), np.gradient(y_mm, t_s), in_contact)
 
 

@@ -1,4 +1,4 @@
-"""Latency as a function of speed: Eq. 5 of the paper without its redundant a3 and a6."""
+"""Latency law: Eq. 5 of the paper without its redundant a3 and a6."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ USUAL_LATENCY_S = 0.05  # by which a law's speed delay is counted from the momen
 
 @dataclass(frozen=True)
 class LatencyLaw:
-    """L(v) = a1·exp(−a2·v) + a4·exp(−a5·v) + a7; amplitudes in ms, rates in s/mm (Table 2)."""
+    """L(v) = a1·exp(−a2·v) + a4·exp(−a5·v) + a7 (Table 2)."""
 
     a1_ms: float
     a2_s_per_mm: float
@@ -21,7 +21,7 @@ class LatencyLaw:
     a7_ms: float
 
     def latency_s(self, speed_mm_s: ArrayLike) -> NDArray[np.float64]:
-        """Latency in s at each speed in mm/s, same shape."""
+        """Latency at each speed, same shape."""
         v = np.asarray(speed_mm_s, float)
         fast = self.a1_ms * np.exp(-self.a2_s_per_mm * v)
         slow = self.a4_ms * np.exp(-self.a5_s_per_mm * v)

@@ -20,12 +20,12 @@ class Trace(Protocol):
     """The touch trace about m edges."""
 
     def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
-        """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³, when the latency grows by
-        ``lag_s3_mm`` times it (s per mm/s²). window_s: of the panel's smoothing of the speed."""
+        """Tangential acceleration of the stylus and its rate, (m,) mm/s² and mm/s³, if the latency grows by
+        ``lag_s3_mm`` times it. window_s: of the panel's smoothing of speeds."""
         ...
 
     def accelerated(self, lag_s3_mm: float, window_s: float) -> Self:
-        """The same with ``acceleration`` at this setting known."""
+        """Trace with this ``acceleration`` known."""
         ...
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -37,7 +37,7 @@ class Trace(Protocol):
 
 @dataclass(frozen=True)
 class View:
-    """The motion at every edge as signatures see it, (m,) each, mm and s; across = positive downwards."""
+    """Motion at each edge, (m,); across the beam is positive downwards."""
 
     x_mm: FloatArray
     y_mm: FloatArray
@@ -67,9 +67,9 @@ class View:
 
 @dataclass(frozen=True)
 class Averaged:
-    """How displaced events move the edges: weights over all events (n,), computed on demand.
+    """Weights of all events (n,) in the edges, computed on demand.
 
-    x_mm, y_mm: (n,) of a smooth path at the events. t_s, xy_mm: (n,), (n, 2) the events, runs one after another.
+    x_mm, y_mm: smooth path at the events. t_s, xy_mm: events of all runs in sequence, (n,), (n, 2).
     """
 
     weights: Callable[[], csr_matrix]
@@ -93,11 +93,9 @@ def _taken(averaged: Averaged, use: np.ndarray) -> csr_matrix:
 
 @dataclass(frozen=True)
 class Signature:
-    """Columns of one effect at one setting of its non-linear parameters.
+    """Columns (m, k) of an effect at one non-linear setting ``theta``.
 
-    Attributes:
-        latency: (m, k) latency added per unit, s; offset: (m, k) displacement across the beam per unit, mm.
-        theta: the setting. share: of the effect's prior probability; None: settings share it alike.
+    latency: s per unit. offset: mm across the beam per unit. share: of the effect's prior probability; None: equal.
     """
 
     latency: FloatArray | None = None
@@ -106,7 +104,7 @@ class Signature:
     share: float | None = None
 
     def columns(self, view: View) -> FloatArray:
-        """The residual of the unmodelled effect, (m, k) mm per unit."""
+        """Residual of the unmodelled effect, (m, k) mm per unit."""
         parts = []
         if self.latency is not None:
             parts.append(-(view.v_across * view.stretch)[:, None] * self.latency)
@@ -118,12 +116,12 @@ class Signature:
 def bent(
     view: View, per_s2: FloatArray | float, late_s: FloatArray | float = 0.0, theta: tuple[float, ...] = ()
 ) -> Signature:
-    """Signature of a displacement by ``per_s2`` (m,) s² times the shown acceleration: as of a smoothed path, and of the
-    law at the stylus' own speed. late_s: (m,) further latency."""
+    """Signature of a path displaced by ``per_s2`` times its acceleration, with the law at the stylus' own speed.
+    late_s: further latency."""
     slower_mm_s = per_s2 * view.turn_rad_s**2 * view.speed
     return Signature(column(late_s + view.law_slope * slower_mm_s), column(per_s2 * view.a_across), theta)
 
 
 def column(values: FloatArray) -> FloatArray:
-    """(m,) as one column, (m, 1)."""
+    """(m,) as (m, 1)."""
     return values[:, None]

@@ -1,4 +1,4 @@
-"""The simulated measuring rig, and presets that behave like the paper's screens."""
+"""The simulated measuring rig and its presets."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from draglag.simulation.law import LatencyLaw
 
 @dataclass(frozen=True)
 class Rig:
-    """Screen, stylus, beam, digitiser, sensor, clocks and WALT of one session.
+    """Screen, stylus, beam, digitiser, sensor, clocks and WALT.
 
     Attributes:
-        noise_mm: standard deviation of the reported position, each axis; ``noise_slow_share`` of its variance is
-            correlated over ``noise_slow_s``, as by a digitiser's filter.
+        noise_mm: standard deviation per axis; ``noise_slow_share`` of its variance is correlated over ``noise_slow_s``.
         run_latency_sd_s, run_offset_sd_mm: unexplained differences between runs.
-        contact_loss_per_s, contact_loss_s: rate and mean duration of contact losses.
-        sensor_response_s: the laser sensor's delay, alike for both kinds of edge.
-        laser_clock_offset_s, laser_clock_ppm: the laser's clock against the host's.
-        clock_width_s: width of a clock comparison's bounds.
+        contact_loss_per_s, contact_loss_s: rate and mean duration.
+        sensor_response_s: delay of either kind of edge.
+        laser_clock_offset_s, laser_clock_ppm: against the host clock.
+        clock_width_s: of the bounds of a clock comparison.
         tap_touch_s, tap_release_s, tap_spread_s: medians and spread of tap latency.
     """
 
@@ -50,7 +49,7 @@ class Rig:
     tap_spread_s: float = 0.0025
 
     def ideal(self) -> Rig:
-        """The rig without noise, jitter, quantisation, contact loss, run-to-run variation or sensor delay."""
+        """Rig without touch errors, differences between runs and sensor delay."""
         return replace(
             self,
             scan_jitter_s=0.0,
@@ -64,9 +63,9 @@ class Rig:
 
 
 def rig_for_screen(name_or_path: str | Path) -> Rig:
-    """The simulated rig of a screen preset or TOML file, its beam tilted by 0.3° across the middle of the screen.
+    """Rig of a screen preset or TOML file, its beam tilted by 0.3° through the middle.
 
-    Raises DataError for an unknown screen, or one without a latency law.
+    Raises DataError: unknown screen, or one without a latency law.
     """
     preset = load_screen_file(name_or_path)
     if preset.law is None:

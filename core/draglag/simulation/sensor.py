@@ -1,4 +1,4 @@
-"""From the stylus's motion to edges of the laser sensor: the stylus' disc darkens the beam."""
+"""Laser edges from the stylus' motion."""
 
 from __future__ import annotations
 
@@ -14,15 +14,12 @@ from draglag.simulation.rig import Rig
 
 
 def beam_distance_mm(beam: Beam, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """Signed distance of points from the beam, positive below it (y grows downwards)."""
+    """Signed distance from the beam, positive below it."""
     return np.asarray((y_mm - beam.slope * x_mm - beam.intercept_mm) / np.hypot(1.0, beam.slope))
 
 
 def shadow_edges(rig: Rig, k: Kinematics, effects: Sequence[Effect]) -> Edges:
-    """Session times at which the beam goes dark and light, exact to the motion's grid.
-
-    It is dark while the stylus is down and nearer than half its diameter.
-    """
+    """True edges in session time: dark while the stylus is down and within half its diameter of the beam."""
     m = k.motion
     diameter = np.full(len(m.t_s), rig.stylus.diameter_mm)
     for effect in effects:
@@ -41,7 +38,7 @@ def shadow_edges(rig: Rig, k: Kinematics, effects: Sequence[Effect]) -> Edges:
 
 
 def sensor_edges(rig: Rig, true_edges: Edges, effects: Sequence[Effect], stream: Stream) -> Edges:
-    """What the sensor reports of those edges, on a perfect clock."""
+    """Edges as the sensor reports them, on a perfect clock."""
     edges = Edges(true_edges.t_s + rig.sensor_response_s, true_edges.light)
     for effect in sorted(effects, key=lambda e: e.order):
         edges = effect.edges(edges, stream(effect.id + " edges"))

@@ -1,4 +1,4 @@
-"""Taps timed by a WALT: shock and event of each touch and release."""
+"""Taps timed by a WALT."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def simulate_taps(
     effects: Sequence[Effect] = (),
     session_start_s: float = 0.0,
 ) -> Taps:
-    """``count`` taps, each a touch and a release, in order of time on the host's clock."""
+    """``count`` taps, each a touch and a release, on the host clock."""
     down = start_s + (np.arange(count) + rng.uniform(0.0, 0.3, count)) * interval_s
     up = down + rng.uniform(0.08, 0.16, count)
     physical = np.stack([down, up], axis=1).ravel()

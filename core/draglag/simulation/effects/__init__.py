@@ -1,5 +1,4 @@
-"""The simulation's effects, one home (file or package) each, named here or by the entry point ``draglag.effects``
-(docs/effects.md). Their modules ``refits`` and ``stream`` build on the gap and are imported late."""
+"""Library of effects (docs/effects.md). Modules ``refits`` and ``stream`` build on the gap and are imported late."""
 
 from __future__ import annotations
 
@@ -97,30 +96,30 @@ __all__ = [
 
 
 def effect_class(effect_id: str) -> type[Effect]:
-    """The effect of that id; the base class, without effect, for an unknown one."""
+    """Effect of that id; the inert base class if unknown."""
     return EFFECTS.get(effect_id, Effect)
 
 
 def title_of(effect_id: str) -> str:
-    """The effect's name for people: "low-speed plateau"."""
+    """Name for people: "low-speed plateau"."""
     return effect_class(effect_id).title or effect_id.replace("_", " ")
 
 
 def column_of(effect_id: str) -> str:
-    """Id of the effect whose signature stands for this one in a fit."""
+    """Id of the effect whose signature stands for this one."""
     return effect_class(effect_id).shares_column_of or effect_id
 
 
 def twins_of(effect_id: str) -> tuple[str, ...]:
-    """Ids of the other effects that move edges in the same way."""
+    """Ids of other effects that move edges alike."""
     same = column_of(effect_id)
     return tuple(other for other in EFFECTS if other != effect_id and column_of(other) == same)
 
 
 def parse_effect(text: str) -> Effect:
-    """The effect of ``ID=VALUE`` or ``ID=VALUE,name=number,…``; a bare ``ID`` has its typical size.
+    """Effect of ``ID=VALUE``, ``ID=VALUE,name=number,…`` or, at its typical size, ``ID``.
 
-    Raises DataError for an unknown id, or for no or an out-of-bounds number.
+    Raises DataError: unknown id or parameter, no number, out of bounds.
     """
     head, *others = text.split(",")
     name, equals, value = head.partition("=")
@@ -148,7 +147,7 @@ def parse_effect(text: str) -> Effect:
 
 
 def parse_effects(texts: Iterable[str]) -> tuple[Effect, ...]:
-    """Several effects; each id at most once. Raises DataError."""
+    """Effects, each id at most once. Raises DataError."""
     effects = tuple(parse_effect(text) for text in texts)
     ids = [effect.id for effect in effects]
     for name in ids:
@@ -175,7 +174,7 @@ def _number(text: str, name: str, spec: Parameter) -> float:
 
 
 def known_effects(ids: Collection[str] | str | None) -> frozenset[str]:
-    """One id, several, or (None) the whole library. Raises DataError for an unknown one."""
+    """The ids given, or all for None. Raises DataError for an unknown one."""
     if ids is None:
         return frozenset(EFFECTS)
     wanted = frozenset((ids,) if isinstance(ids, str) else ids)

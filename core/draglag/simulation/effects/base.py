@@ -1,7 +1,4 @@
-"""The base of all effects, each one named physical cause of disagreement between rig and model.
-
-Id, meaning, parameters with units and bounds, hooks of the chain; hooks do nothing by default, so effects compose.
-"""
+"""Base of all effects: id, meaning, parameters, and hooks that do nothing by default."""
 
 from __future__ import annotations
 
@@ -21,10 +18,7 @@ from draglag.simulation.residual import LineGains, Signature, View
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of an effect: ``name`` carries the unit in code, ``unit`` is for people.
-
-    sound: largest absolute size that sound rigs have, too.
-    """
+    """A number of an effect. unit: for people; sound: largest absolute size on sound rigs."""
 
     name: str
     unit: str
@@ -37,7 +31,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Confounder:
-    """Another explanation (an effect's id, or words) and the recording that separates them."""
+    """Rival explanation (effect id or words) and the recording that separates it."""
 
     effect_id: str
     why: str
@@ -46,7 +40,7 @@ class Confounder:
 
 @dataclass(frozen=True)
 class TouchEvents:
-    """Touch events in session time: stamp, position and contact, (n,) each."""
+    """Touch events in session time, (n,) each."""
 
     t_s: FloatArray
     x_mm: FloatArray
@@ -54,12 +48,12 @@ class TouchEvents:
     contact_id: IntArray
 
     def take(self, which: IntArray | np.ndarray[tuple[int], np.dtype[np.bool_]]) -> TouchEvents:
-        """Those events, by index or mask."""
+        """Events by index or mask."""
         return TouchEvents(self.t_s[which], self.x_mm[which], self.y_mm[which], self.contact_id[which])
 
 
 def each_contact(events: TouchEvents, change: Callable[[FloatArray, FloatArray], FloatArray]) -> TouchEvents:
-    """Events with positions ``change(t_s, xy_mm)``, (n,) and (n, 2), contact by contact."""
+    """Events with ``change(t_s, xy_mm)``, (n,) and (n, 2), of each contact as positions."""
     xy = np.column_stack([events.x_mm, events.y_mm])
     bounds = np.flatnonzero(np.diff(events.contact_id)) + 1
     for own in np.split(np.arange(events.t_s.size), bounds):
@@ -70,7 +64,7 @@ def each_contact(events: TouchEvents, change: Callable[[FloatArray, FloatArray],
 
 @dataclass(frozen=True)
 class Edges:
-    """Laser edges in session time, (m,) each; light 1 = from here on the beam reaches the sensor."""
+    """Laser edges in session time, (m,) each; light 1: the beam becomes clear."""
 
     t_s: FloatArray
     light: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
@@ -78,9 +72,9 @@ class Edges:
 
 @dataclass(frozen=True)
 class Effect(InFits):
-    """Base of all effects. ``value``: its size, the first of ``parameters``.
+    """Base of all effects; ``value`` is the first of ``parameters``.
 
-    Raises DataError if a parameter is out of bounds.
+    Raises DataError if a parameter is out of bounds or should be whole.
     """
 
     id: ClassVar[str]
@@ -169,61 +163,61 @@ class Effect(InFits):
         return cls(*(spec.typical for spec in cls.parameters))
 
     def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
-        """(n,) speed given to the latency law, from what it would be."""
+        """Speed given to the latency law, (n,)."""
         return speed_mm_s
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
-        """(n,) latency, from what it would be."""
+        """Latency, (n,)."""
         return latency_s
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
-        """(n,) reported position."""
+        """Reported position, (n,)."""
         return x_mm, y_mm
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:
-        """The stream of touch events."""
+        """Touch events."""
         return events
 
     def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:
-        """(n,) width of the stylus's shadow."""
+        """Width of the shadow, (n,)."""
         return diameter_mm
 
     def distance(self, distance_mm: FloatArray, k: Kinematics) -> FloatArray:
-        """(n,) signed distance from the beam, positive below it."""
+        """Signed distance from the beam, (n,), positive below it."""
         return distance_mm
 
     def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
-        """The laser edges, by the host's clock, in any order."""
+        """Laser edges on the host clock, in any order."""
         return edges
 
     def laser_clock(self, t_s: FloatArray) -> FloatArray:
-        """(m,) the laser's clock, believed to follow the host's, at session time t."""
+        """Reading of the laser's clock at session time, (m,)."""
         return t_s
 
     def stamped_late_s(self) -> float:
-        """Mean lateness of touch stamps, s, that repaired stamps do not show."""
+        """Mean lateness of touch stamps, which repair leaves in."""
         return 0.0
 
     def true_intercept_mm(self, intercept_mm: float, slope: float, screen: Screen) -> float:
-        """The beam's true intercept, from that on a screen with the effect."""
+        """True intercept of the beam, from the one in reported coordinates."""
         return intercept_mm
 
     def longest_wait_s(self, frame_s: float) -> float:
-        """Longest wait of an event, s, given one every ``frame_s``; taps and drags may differ."""
+        """Longest wait of an event; taps and drags may differ."""
         return 0.0
 
     def tap_latency(self, latency_s: FloatArray, t_s: FloatArray) -> FloatArray:
-        """(n,) latency of taps at session time t."""
+        """Latency of taps at session times, (n,)."""
         return latency_s
 
     @classmethod
     def curve_speed(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray:
-        """(n,) speed given to a law of speed, for effects ``undone_in`` it."""
+        """Speed given to a law of speed, (n,), if ``undone_in`` it."""
         return speed_mm_s
 
     @classmethod
     def curve_extra_s(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray | float:
-        """(n,) latency added to a law of speed, s, for effects ``undone_in`` it."""
+        """Latency added to a law of speed, (n,), if ``undone_in`` it."""
         return 0.0
 
     @classmethod
@@ -234,32 +228,29 @@ class Effect(InFits):
 
     @classmethod
     def first_shown_s(cls, t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray | None:
-        """Times (n,) of events before the effect; None where events do not determine them."""
+        """Times of events before the effect, (n,); None if events do not determine them."""
         return None
 
     @classmethod
     def columns_at(cls, theta: tuple[float, ...], view: View) -> tuple[Signature, ...]:
-        """What it moves beyond a constant latency at a known size, theta its parameters, for effects with
-        ``drags_early``: alternatives that are as probable; empty where it moves no edge."""
+        """Equally probable columns beyond a constant latency at parameters theta, for effects with ``drags_early``; may
+        be empty."""
         return ()
 
     @classmethod
     def with_taps(cls, parameters: Parameters, value: float, ci95: tuple[float, float]) -> Parameters | None:
-        """Its parameters by the edges once taps show its first, with 95 % interval, for effects with ``drags_early``;
-        None where the two contradict each other."""
+        """Parameters from edges and, for effects with ``drags_early``, the first from taps; None if they contradict
+        each other."""
         return None
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        """How the effect moves each edge's residual, at every non-linear setting; empty if unseen.
-
-        ``gains`` selects among many settings.
-        """
+        """Signature at each non-linear setting; empty if edges do not show it. gains: selects among many settings."""
         return []
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """The signature of the nearest setting."""
+        """Signature of the nearest setting."""
         options = cls.signatures(view)
         if not theta:
             return options[0]

@@ -13,8 +13,6 @@ from draglag.simulation.residual import LineGains, Signature, View, column
 
 @dataclass(frozen=True)
 class BeamBow(Effect):
-    """The beam is curved."""
-
     id: ClassVar[str] = "beam_bow"
     meaning: ClassVar[str] = (
         "The beam is curved: in the middle of the panel it lies lower by this much than the line through its places "

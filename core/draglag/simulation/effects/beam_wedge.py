@@ -15,8 +15,6 @@ from draglag.simulation.residual import LineGains, Signature, View, column
 
 @dataclass(frozen=True)
 class BeamWedge(Effect):
-    """The shadow changes along the beam."""
-
     id: ClassVar[str] = "beam_wedge"
     meaning: ClassVar[str] = (
         "The apparent diameter of the stylus changes by this much from the left edge of the panel to "

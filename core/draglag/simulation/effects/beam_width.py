@@ -15,8 +15,6 @@ from draglag.simulation.residual import LineGains, Signature, View, column
 
 @dataclass(frozen=True)
 class BeamWidth(Effect):
-    """The shadow is wider or narrower than the stylus."""
-
     id: ClassVar[str] = "beam_width"
     meaning: ClassVar[str] = "The apparent diameter of the stylus is off by a constant."
     follows: ClassVar[str] = "kind_of_edge"

@@ -1,4 +1,4 @@
-"""The laser's clock runs at a rate of its own."""
+"""The laser's clock runs at another rate."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from draglag.simulation.residual import LineGains, Signature, View, column
 
 @dataclass(frozen=True)
 class ClockDrift(Effect):
-    """The laser's clock runs at a rate of its own."""
-
     id: ClassVar[str] = "clock_drift"
     meaning: ClassVar[str] = (
         "The laser's clock runs fast against the host's by a constant rate that nobody corrected, "

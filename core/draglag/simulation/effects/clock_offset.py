@@ -12,8 +12,6 @@ from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter
 
 @dataclass(frozen=True)
 class ClockOffset(Effect):
-    """The laser's edges are stamped late by a constant."""
-
     id: ClassVar[str] = "clock_offset"
     meaning: ClassVar[str] = "Every edge of the laser is stamped late by a constant that clock comparisons do not see."
     follows: ClassVar[str] = "taps"

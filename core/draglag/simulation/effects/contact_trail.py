@@ -14,8 +14,6 @@ from draglag.simulation.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class ContactTrail(Effect):
-    """The contact's centroid trails the tip."""
-
     id: ClassVar[str] = "contact_trail"
     meaning: ClassVar[str] = "The reported position trails the stylus by a fixed distance along its motion."
     undone_in: ClassVar[str] = "touch"

@@ -15,8 +15,6 @@ from draglag.simulation.residual import LineGains, Signature, View, column
 
 @dataclass(frozen=True)
 class DirectionAsymmetry(Effect):
-    """Latency differs between down and up."""
-
     id: ClassVar[str] = "direction_asymmetry"
     meaning: ClassVar[str] = (
         "The latency is larger by this much when the stylus moves down the screen than when it moves "

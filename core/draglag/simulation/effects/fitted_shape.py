@@ -10,10 +10,9 @@ from draglag.simulation.effects.base import Effect, Parameter
 
 @dataclass(frozen=True)
 class FittedShape(Effect):
-    """Base of fitted shapes. ``value``: amplitude, mm (a filter: s).
+    """Base of fitted shapes. value: amplitude, mm (a filter: s).
 
-    theta: fitted setting; sizes: of the shape's parts; about: mean square of the panel coordinate (−1 … +1), where
-    subtracted from a polynomial's.
+    sizes: of the shape's parts. about: mean panel coordinate (−1 … +1), subtracted from a polynomial's square.
     """
 
     id: ClassVar[str] = "fitted_shape"
@@ -25,7 +24,7 @@ class FittedShape(Effect):
     about: float = 0.0
 
     def __post_init__(self) -> None:
-        """A fitted shape has no bounds of its own."""
+        """No bounds."""
 
     def numbers(self) -> dict[str, float]:
         return {"amplitude_mm": float(self.value)}

@@ -1,7 +1,4 @@
-"""An effect in a fit: its term as numbers, words and simulated effect; its changes of traces and views.
-
-Defaults suit one column, proportional to the size.
-"""
+"""What fits need of an effect; defaults suit one column, proportional to the size."""
 
 from __future__ import annotations
 
@@ -35,8 +32,7 @@ Z95 = 1.96  # standard deviations to either end of a 95 % interval
 class FittedTerm:
     """A term of a converged fit.
 
-    Attributes: own: its columns of the fit's design. sizes: (k,) with what was undone of it in the traces. se: (k,)
-    their standard errors.
+    own: its columns of the design. sizes: (k,) with what is undone in the traces. se: (k,) standard errors.
     """
 
     fit: Fit
@@ -48,9 +44,9 @@ class FittedTerm:
 
 @dataclass(frozen=True)
 class UndoneTrace:
-    """A run's events while effects are undone: t_s (n,), xy_mm (n, 2), noise_mm of one event.
+    """A run's events (n,), (n, 2) with effects undone.
 
-    spread: (n, events shown) how much each event shown, noise included, moves each of the n; None: only itself.
+    noise_mm: of one event. spread: (n, events shown) weights of the events shown; None: identity.
     """
 
     t_s: FloatArray
@@ -60,7 +56,7 @@ class UndoneTrace:
 
 
 class Undoing(Protocol):
-    """What is undone of an effect in the traces; equal if it does the same."""
+    """Undoing of an effect in traces; equal if it does the same."""
 
     place: ClassVar[int]
     """Order of undoing, smallest first."""
@@ -68,12 +64,12 @@ class Undoing(Protocol):
     """Whether the effect acts on events, not on the path: a simulated hand begins behind it."""
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
-        """A run's events without the effect. shown: the run as shown; first_s: the session's first event, host time."""
+        """Events without the effect. first_s: the session's first event, host clock."""
         ...
 
 
 class InFits:
-    """The side of an effect that a fit sees."""
+    """Hooks of an effect in fits."""
 
     parameters: ClassVar[tuple[Parameter, ...]]
     per_term: ClassVar[float] = 1.0
@@ -97,71 +93,71 @@ class InFits:
 
     @classmethod
     def in_law(cls, law: LawParameters) -> bool:
-        """Whether a law holds it."""
+        """Whether the law holds it."""
         return False
 
     @classmethod
     def law_parameters(cls, fit: Fit) -> Parameters:
-        """Its parameters, as part of the fit's law."""
+        """Its parameters in the fit's law."""
         return {}
 
     @classmethod
     def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
-        """A term's sizes (k,), with what traces or law already hold."""
+        """Sizes (k,) with what traces or law already hold."""
         return np.array(term.sizes)
 
     @classmethod
     def size_sd(cls, found: FittedTerm) -> float:
-        """Standard deviation of a term's first size, with what more edges do not reduce."""
+        """Standard deviation of the first size, with what more edges do not reduce."""
         return float(found.se[0])
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """A term in the effect's parameters; by default proportional to its first size."""
+        """Parameters of a fitted term."""
         value, reach = cls.per_term * found.sizes[0], abs(cls.per_term) * Z95 * cls.size_sd(found)
         return {cls.parameters[0].name: (float(value), (float(value - reach), float(value + reach)))}
 
     @classmethod
     def where_in(cls, fit: Fit) -> str | None:
-        """Where it acts in a fit's session, in words; None: ``where``."""
+        """Where it acts in the session, in words; None: ``where``."""
         return None
 
     @classmethod
     def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:
-        """A term as a simulated shape; None where the effect's parameters say all."""
+        """Simulated shape of a term; None if the parameters suffice."""
         return None
 
     @classmethod
     def of_shape(cls, value: float, theta: Theta, sizes: Theta, about: float) -> FittedShape | None:
-        """The same from the numbers of ``shape_in``, as in a model file."""
+        """Shape from its numbers in a model file."""
         return None
 
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
-        """What to undo of it in the traces, if anything, and the remaining term."""
+        """What to undo in the traces, if anything, and the remaining term."""
         return None, term
 
     @classmethod
     def undone_s(cls, term: Term, placed: Placed) -> FloatArray | float:
-        """Delay of placed edges against traces with the term undone, (m,) s."""
+        """Delay of placed edges relative to traces with the term undone, (m,)."""
         return 0.0
 
     @classmethod
     def speed_delay(cls, theta: Theta) -> tuple[float, float] | None:
-        """(which, delay_s) of the law's speed, a ``SpeedDelay`` of ``gap.traces.law_speed``; None: the edge's own."""
+        """``SpeedDelay`` (``gap.traces.law_speed``) of the law's speed; None: the edge's own."""
         return None
 
     @classmethod
     def view_with(cls, theta: Theta, view: View) -> View:
-        """The edges as seen with the effect at its setting."""
+        """View with the effect at its setting."""
         return view
 
     @classmethod
     def log_prior_of(cls, theta: Theta) -> float:
-        """Log prior of a setting found by a refit, where its columns do not have it."""
+        """Log prior of a refitted setting, if not in its columns."""
         return 0.0
 
     @classmethod
     def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:
-        """The setting after a step to these sizes, if it follows them."""
+        """Setting after a step to these sizes."""
         return theta

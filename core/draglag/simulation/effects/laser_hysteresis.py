@@ -1,4 +1,4 @@
-"""The beam reads clear later than it cleared."""
+"""The return of the light is reported late."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from draglag.simulation.residual import LineGains, Signature, View, column
 
 @dataclass(frozen=True)
 class LaserHysteresis(Effect):
-    """The beam reads clear later than it cleared."""
-
     id: ClassVar[str] = "laser_hysteresis"
     meaning: ClassVar[str] = "The sensor reports the return of the light later than its loss by a constant."
     follows: ClassVar[str] = "kind_of_edge"

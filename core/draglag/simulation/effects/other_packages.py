@@ -1,4 +1,4 @@
-"""Effects of other packages: entry points of the group ``draglag.effects``."""
+"""Effects from entry points of the group ``draglag.effects``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GROUP = "draglag.effects"
 
 
 def effects_of_other_packages(known: Collection[str]) -> Iterator[type[Effect]]:
-    """Effects of installed packages by entry point name; unusable ones give a warning. known: ids taken."""
+    """Usable effects by entry point name; others give a warning. known: ids taken."""
     taken = set(known)
     for _, found in brought(GROUP, "effect", lambda name, effect: _problem(effect, taken)):
         effect = cast(type[Effect], found)

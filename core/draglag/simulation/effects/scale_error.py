@@ -1,4 +1,4 @@
-"""The panel's millimetres are not millimetres."""
+"""Reported positions are scaled wrongly."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from draglag.simulation.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class ScaleError(Effect):
-    """The panel's millimetres are not millimetres."""
-
     id: ClassVar[str] = "scale_error"
     meaning: ClassVar[str] = "Reported positions are stretched about the middle of the panel by this share."
     where: ClassVar[str] = "every edge, outwards or inwards"
@@ -42,7 +40,7 @@ class ScaleError(Effect):
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """A screen that reads large by a share shows the disc large by the same share."""
+        """Share by which the disc reads too large."""
         diameter = found.fit.geometry.diameter_mm
         value, reach = found.sizes[0] / diameter, Z95 * found.se[0] / diameter
         return {"share": (float(value), (float(value - reach), float(value + reach)))}

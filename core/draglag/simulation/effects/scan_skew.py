@@ -15,8 +15,6 @@ from draglag.simulation.residual import LineGains, Signature, View, column
 
 @dataclass(frozen=True)
 class ScanSkew(Effect):
-    """The panel is scanned column by column."""
-
     id: ClassVar[str] = "scan_skew"
     meaning: ClassVar[str] = (
         "The latency grows linearly across the panel in scan order: by this much from its left edge "

@@ -14,8 +14,6 @@ from draglag.simulation.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class ThermalDrift(Effect):
-    """The digitiser's latency creeps while it warms up."""
-
     id: ClassVar[str] = "thermal_drift"
     meaning: ClassVar[str] = (
         "The latency itself creeps, linearly with the time since the session began, for taps as for drags."

@@ -19,8 +19,6 @@ LOG_TIME_SD = 0.7  # prior standard deviation of a time constant's logarithm: a 
 
 @dataclass(frozen=True)
 class WarmUp(Effect):
-    """The digitiser's latency settles while it warms up."""
-
     id: ClassVar[str] = "warm_up"
     title: ClassVar[str] = "warm-up"
     meaning: ClassVar[str] = (
@@ -67,7 +65,7 @@ class WarmUp(Effect):
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """Amplitude and time constant, whose column is next to the best one: a Gauss–Newton step from there."""
+        """Amplitude and time constant, by a Gauss–Newton step from the setting."""
         fit, tau = found.fit, found.term.theta[0]
         settled = fit.view.since_start_s / tau
         by_log_tau = Signature(latency=column(found.sizes[0] * settled * np.exp(-settled))).columns(fit.view)

@@ -20,7 +20,7 @@ ACCEL_UNKNOWN = 0.2  # share of a speed's change: how smooth it is taken for, no
 
 
 class Setting(NamedTuple):
-    """lag_s3_mm: size with which the trace is read, s per mm/s²; window_s: of the panel's smoothing of speeds."""
+    """lag_s3_mm: size assumed in the trace, s per mm/s²; window_s: of the panel's smoothing of speeds."""
 
     lag_s3_mm: float = 0.0
     window_s: float = WINDOWS_S[0]
@@ -28,8 +28,6 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class AccelerationLag(Effect):
-    """The latency depends on whether the stylus speeds up."""
-
     id: ClassVar[str] = "acceleration_lag"
     meaning: ClassVar[str] = "The latency grows in proportion to the tangential acceleration of the stylus."
     follows: ClassVar[str] = "acceleration"
@@ -73,7 +71,7 @@ class AccelerationLag(Effect):
 
     @classmethod
     def view_with(cls, theta: Theta, view: View) -> View:
-        """The stylus' acceleration, which the effect hides in the trace."""
+        """View with the stylus' acceleration, which the trace hides."""
         setting = Setting(*theta)
         if setting.lag_s3_mm <= 0:
             return view
@@ -82,5 +80,5 @@ class AccelerationLag(Effect):
 
     @classmethod
     def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:
-        """The trace is freed of what is found in it."""
+        """Setting at the size found."""
         return Setting(*theta)._replace(lag_s3_mm=max(sizes[0], 0.0))

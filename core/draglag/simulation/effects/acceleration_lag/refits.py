@@ -1,4 +1,4 @@
-"""A latency by acceleration, which the trace hides: from several sizes and windows."""
+"""Refits of an acceleration lag."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ END_S = 0.3  # of a trace: three times what an acceleration behind it remembers
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """One refit per window of the panel's smoothing of speed."""
+    """One refit per smoothing window of the panel, from the most promising size."""
     own = AccelerationLag.id
     options = [[*before.terms, Term(own, (lag, WINDOWS_S[0]), (lag,))] for lag in LAGS_S3_MM]
     *others, begun = most_promising(before, options, before.law)
@@ -24,14 +24,14 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def judged(placed: Placed, term: Term) -> np.ndarray:
-    """Edges (m,) away from a trace's ends, where acceleration is known."""
+    """Edges (m,) away from a trace's ends."""
     at_s = placed.t_s + placed.latency_s
     ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in placed.traces.runs])[placed.run]
     return np.asarray((at_s > ends_s[:, 0] + END_S) & (at_s < ends_s[:, 1] - END_S))
 
 
 def open_mm(placed: Placed, term: Term) -> FloatArray:
-    """An unknown acceleration is as large as the run's others, (m,) mm."""
+    """Displacement by the run's typical acceleration, (m,)."""
     out = np.zeros(len(placed))
     for k in np.unique(placed.run):
         own = (placed.run == k) & np.isfinite(placed.accel_apart_mm_s2)

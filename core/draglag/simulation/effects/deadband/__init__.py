@@ -16,11 +16,7 @@ KINDS = {JUMP: "jump", BACKLASH: "backlash", FUZZ: "fuzz"}
 
 @dataclass(frozen=True)
 class Deadband(Effect):
-    """Small movements are not reported.
-
-    ``kind``: 0 jump (nothing until the width, then all of it), 1 backlash (play of the width, followed at half of it),
-    2 fuzz (the three zones of Linux' input_defuzz_abs_event, each axis by itself).
-    """
+    """``kind``: 0 jump, 1 backlash, 2 fuzz (Linux' input_defuzz_abs_event, per axis)."""
 
     id: ClassVar[str] = "deadband"
     meaning: ClassVar[str] = (
@@ -65,7 +61,6 @@ class Deadband(Effect):
 
 
 def _jumped(xy_mm: FloatArray, width_mm: float) -> FloatArray:
-    """Nothing until the width, then all of it."""
     out = xy_mm.copy()
     for i in range(1, len(out)):
         if np.hypot(*(xy_mm[i] - out[i - 1])) < width_mm:
@@ -74,7 +69,6 @@ def _jumped(xy_mm: FloatArray, width_mm: float) -> FloatArray:
 
 
 def _followed(xy_mm: FloatArray, width_mm: float) -> FloatArray:
-    """A disc of this diameter, dragged by the stylus."""
     out = xy_mm.copy()
     for i in range(1, len(out)):
         off = xy_mm[i] - out[i - 1]
@@ -84,7 +78,6 @@ def _followed(xy_mm: FloatArray, width_mm: float) -> FloatArray:
 
 
 def _defuzzed(xy_mm: FloatArray, fuzz_mm: float) -> FloatArray:
-    """Per axis: below half the fuzz nothing, below the fuzz a quarter, below twice the fuzz half, else all of it."""
     out = xy_mm.copy()
     for i in range(1, len(out)):
         off = xy_mm[i] - out[i - 1]

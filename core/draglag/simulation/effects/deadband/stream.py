@@ -1,8 +1,4 @@
-"""Positions that stand still until the stylus has moved by a width: a deadband.
-
-Its rival repeats positions at random. Under a deadband no repeated position lies a width behind the stylus, and no step
-is shorter.
-"""
+"""Detector of a deadband: no repeated position lies a width behind the stylus, and no step is shorter."""
 
 from __future__ import annotations
 
@@ -32,7 +28,7 @@ WIDTHS = 160
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """A deadband, and runs without standing positions."""
+    """Deadband, and runs without repeated positions."""
     stood = streams.of(deadband_in)
     return stood, runs if stood is None else tuple(replace(r, touch=first_of_repeats(r.touch)) for r in runs)
 
@@ -42,7 +38,7 @@ def deadband_in(streams: Streams) -> StreamEffect | None:
 
 
 def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:
-    """A jump deadband with its width, if likelier than random repeats. step_mm: of quantised coordinates."""
+    """Jump deadband, if likelier than random repeats. step_mm: of quantised coordinates."""
     runs = [_stood_and_moved(touch) for touch in touches]
     stood, moved = (np.concatenate(each) for each in zip(*runs, strict=True))
     if not stood.size or not moved.size:
@@ -80,7 +76,7 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
 
 
 def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
-    """Distance from each repeated position to the stylus, on a straight way; lengths of all steps; mm."""
+    """Distances of repeated positions from the stylus; lengths of steps."""
     step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
     fresh = np.flatnonzero(np.append(True, step > 0))
     repeats = np.setdiff1d(np.arange(fresh[-1]), fresh)  # nobody knows where the last ones went
@@ -91,7 +87,7 @@ def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
 
 
 def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
-    """Step of quantised coordinates that rarely repeat; 0 if not quantised."""
+    """Step of quantised coordinates; 0 if not quantised."""
     values = np.unique(np.round(np.concatenate([touch.x_mm for touch in touches]), 6))
     spacing = np.diff(values)
     if not spacing.size or spacing.min() < FINEST_MM:
@@ -101,7 +97,7 @@ def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
 
 
 def _of_share(stood: int, moved: int) -> float:
-    """Log-likelihood of that many random repeats among a run's events."""
+    """Log-likelihood of random repeats."""
     counts = np.array([stood, moved], float)
     shares = counts / max(float(counts.sum()), 1.0)
     return float(np.sum(counts * np.log(np.maximum(shares, 1e-12))))
@@ -110,13 +106,13 @@ def _of_share(stood: int, moved: int) -> float:
 def _possible(
     widths_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float, at_random: float
 ) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Whether widths (k,) may beat random repeats: only surely shorter steps count."""
+    """Widths (k,) that may be likelier than random repeats."""
     shorter = np.searchsorted(np.sort(moved_mm), widths_mm - SURELY * rounding_mm)
     return np.asarray(shorter * np.log(2 * P_OUTLIER) > at_random)
 
 
 def _of_width(width_mm: float, stood_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float) -> float:
-    """Log-likelihood of standing events within the width of the stylus, moved ones beyond."""
+    """Log-likelihood of a width."""
     moved = (1 - P_OUTLIER) * ndtr((moved_mm[moved_mm < 2 * width_mm] - width_mm) / rounding_mm) + P_OUTLIER
     stood = max(
         float(np.sum(np.log((1 - P_OUTLIER) * ndtr((width_mm - stood_mm) / off) + P_OUTLIER))) for off in OFF_PATH_MM

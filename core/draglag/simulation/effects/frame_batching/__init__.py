@@ -12,8 +12,6 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter, Touch
 
 @dataclass(frozen=True)
 class FrameBatching(Effect):
-    """Touch frames arrive in groups."""
-
     id: ClassVar[str] = "frame_batching"
     meaning: ClassVar[str] = (
         "Touch frames are delivered in groups of this many, all stamped when the last of them arrives, 20 µs apart."

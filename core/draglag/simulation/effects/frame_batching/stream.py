@@ -1,4 +1,4 @@
-"""Frames delivered in batches."""
+"""Detector of frames delivered in batches."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WHOLE = 0.5  # of a frame, by which a batch that lacks none may come early or la
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Batches, and runs with a time for each frame of a batch."""
+    """Batches, and runs with a time for each frame."""
     batched = streams.of(batches_in)
     if batched is None:
         return None, runs
@@ -25,12 +25,12 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def batches_in(streams: Streams) -> StreamEffect | None:
-    """Frames delivered together, unless by a host's polls."""
+    """Batches, unless by a host's polls."""
     return None if streams.of(polls_in) is not None else batches(streams.touches)
 
 
 def batches(touches: list[TouchTrace]) -> StreamEffect | None:
-    """Frames delivered together: intervals of (nearly) nothing between long ones, in groups of one size."""
+    """Groups of one size of nearly simultaneous frames."""
     sizes: list[int] = []
     for touch in touches:
         dt = np.diff(touch.t_s)
@@ -58,7 +58,7 @@ def batches(touches: list[TouchTrace]) -> StreamEffect | None:
 
 
 def _exact_grid(touches: list[TouchTrace]) -> bool:
-    """Whether stamps are multiples of one interval to a thousandth: a clock's ticks, not frames."""
+    """Whether stamps are a clock's ticks, not frames."""
     apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
     tick_s = float(np.median(apart_s[apart_s > 0.25 * np.mean(apart_s)]))
     off_s = np.abs(apart_s - tick_s * np.round(apart_s / tick_s))
@@ -66,7 +66,7 @@ def _exact_grid(touches: list[TouchTrace]) -> bool:
 
 
 def spread(touch: TouchTrace, size: int) -> TouchTrace:
-    """The trace with a batch's frames a frame apart, the last at its stamp; of an incomplete batch only the last."""
+    """Trace with a batch's frames a frame apart, the last at its stamp; of an incomplete batch only the last."""
     if touch.t_s.size < 3:
         return touch
     ends = ends_of_batches(touch.t_s)

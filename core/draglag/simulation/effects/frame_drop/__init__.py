@@ -12,8 +12,6 @@ from draglag.simulation.effects.base import Effect, Parameter, TouchEvents
 
 @dataclass(frozen=True)
 class FrameDrop(Effect):
-    """Touch frames get lost."""
-
     id: ClassVar[str] = "frame_drop"
     title: ClassVar[str] = "dropped frames"
     meaning: ClassVar[str] = "This share of the touch frames never arrives, each independently of the others."

@@ -1,4 +1,4 @@
-"""Frames that never arrived."""
+"""Detector of lost frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ UNSURE = 0.3  # of the share of missing frames, where a coarse clock leaves open
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Missing frames, where stamps are those of frames; they cannot be repaired."""
+    """Lost frames, if stamps are those of frames; runs unchanged."""
     coarse = streams.of(clock_in)
     identifiable = streams.of(loop_in) is None if coarse is None else not coarse.undone
     if not identifiable or streams.of(polls_in) is not None:
@@ -34,10 +34,7 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def drops(touches: list[TouchTrace], together: int = 1) -> StreamEffect | None:
-    """Missing frames: intervals of two or more whole frames, far too many for contact losses.
-
-    together: frames delivered at a time; a batch stands for its last frame.
-    """
+    """Lost frames, from intervals of several whole frames. together: frames per batch."""
     whole, short = [], 0
     for touch in touches:
         dt = np.diff(touch.t_s if together == 1 else touch.t_s[ends_of_batches(touch.t_s)])

@@ -26,8 +26,8 @@ LATEST_OF_SOUND_S = 0.025
 
 
 class Setting(NamedTuple):
-    """which: 0 the speed of a time before, 1 of a share of each edge's latency before. delay_s: at which the law is
-    already asked (``which`` 1: of the usual latency); None: first order in the delay."""
+    """delay_s: of the law's speed; None: first order in the delay. which: 1 if the delay scales with latency /
+    ``USUAL_LATENCY_S``, else 0."""
 
     which: float = 0.0
     delay_s: float | None = None
@@ -35,8 +35,6 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class LaggingLaw(Effect):
-    """The latency follows an older speed."""
-
     id: ClassVar[str] = "lagging_law"
     meaning: ClassVar[str] = (
         "The latency follows the speed the stylus had some time before, not the speed at the reported position."
@@ -71,7 +69,7 @@ class LaggingLaw(Effect):
 
     @classmethod
     def signature_at(cls, theta: tuple[float, ...], view: View) -> Signature:
-        """With a law already asked at another time's speed: of the remaining delay."""
+        """Signature of the remaining delay."""
         which, delay_s = Setting(*theta)
         if delay_s is None:
             return super().signature_at(theta, view)
@@ -90,5 +88,5 @@ class LaggingLaw(Effect):
 
     @classmethod
     def size_sd(cls, found: FittedTerm) -> float:
-        """Includes the unknown moment of a speed and the smoothness of its change."""
+        """Includes errors of the speed's timing and rate."""
         return float(np.hypot(found.se[0], np.hypot(SPEED_TIMING_S, ACCEL_UNKNOWN * found.sizes[0])))

@@ -1,4 +1,4 @@
-"""A law asked at the speed of another moment, over a grid of delays."""
+"""Refits of a lagging law over a grid of delays."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ ROUNDS = 2
 
 
 def shown_by_traces(before: Fit) -> bool:
-    """Whether another moment's speed fits better than those of sound panels."""
+    """Whether another delay fits better than those of sound panels."""
     found = delay_profile(before, [*USUAL, *FEW])
     return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > MIN_DEVIANCE)
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """To first order in the delay; at the likeliest delay; at a longer one."""
+    """Refits to first order, at the likeliest delay, and at a longer one."""
     own = LaggingLaw.id
     out = [refit(session, before, [*before.terms, Term(own, theta)])] if theta else []
     profile_ = delay_profile(before, OTHER)
@@ -65,7 +65,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def with_remaining_delay(term: Term, left_s: float) -> Term:
-    """The term at the delay its fit ended with."""
+    """Term at the delay its fit ended with."""
     delay_s = float(np.clip(_delay_s(term) + left_s, -LONGEST_S, LONGEST_S))
     return Term(term.effect, (Setting(*term.theta).which, delay_s), (0.0,))
 
@@ -75,10 +75,7 @@ def _delay_s(term: Term) -> float:
 
 
 def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
-    """Twice the log-likelihood of steady runs' edges with the law asked at each option's speed, (k,).
-
-    All else is adjusted linearly. −inf where too few edges can be placed.
-    """
+    """Twice the profile log-likelihood of steady runs' edges at each option, (k,); −inf with too few edges."""
     components = fit.white.components
     own = LaggingLaw.id
     rest = [t for t in fit.terms if t.effect != own]

@@ -12,8 +12,6 @@ from draglag.simulation.effects.base import Edges, Effect, Parameter
 
 @dataclass(frozen=True)
 class LaserBounce(Effect):
-    """The sensor chatters."""
-
     id: ClassVar[str] = "laser_bounce"
     meaning: ClassVar[str] = "After some edges the sensor chatters: it flips back and forth once within a short time."
     follows: ClassVar[str] = "kind_of_edge"

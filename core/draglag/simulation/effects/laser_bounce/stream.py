@@ -1,4 +1,4 @@
-"""Laser edges that chatter."""
+"""Detector of laser edges that chatter."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ P_OUTLIER = 1e-4  # chance that the longest of a chatter lies so far beyond the 
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Chatter; every estimate leaves it out by itself."""
+    """Chatter; runs unchanged, as every estimate leaves it out."""
     return chatter(streams.session), runs
 
 
 def chatter(session: Session) -> StreamEffect | None:
-    """Chatter: transitions closer than any stylus allows, in groups around single edges."""
+    """Groups of transitions closer than any stylus allows."""
     runs = [_grouped(run, session.stylus.diameter_mm) for run in session.runs
             if run.laser.t_s.size >= 6 and run.touch.t_s.size >= 50]  # fmt: skip
     extra, edges = _counts(runs)
@@ -54,7 +54,7 @@ def chatter(session: Session) -> StreamEffect | None:
 
 @dataclass(frozen=True)
 class _Groups:
-    """Transitions of one run in groups closer than near_s; spans_s: durations of whole chatters."""
+    """One run's groups of transitions closer than near_s; spans_s: durations of chatters."""
 
     near_s: float
     chattering: int
@@ -63,12 +63,12 @@ class _Groups:
 
 
 def _counts(runs: list[_Groups]) -> tuple[int, int]:
-    """Groups that chatter, and all groups, over all runs."""
+    """Chattering and all groups."""
     return sum(run.chattering for run in runs), sum(run.groups for run in runs)
 
 
 def _grouped(run: Run, diameter_mm: float) -> _Groups:
-    """Transitions in groups too close for such a stylus at the run's highest speed."""
+    """Groups too close for the stylus at the run's highest speed."""
     t = np.sort(run.laser.t_s)
     near_s = min(0.3 * diameter_mm / max(_fastest(run), 1.0), 0.006)
     starts = np.append(True, ~(np.diff(t) < near_s))
@@ -81,7 +81,7 @@ def _grouped(run: Run, diameter_mm: float) -> _Groups:
 
 
 def _longest_span_s(each_s: list[float]) -> float:
-    """Duration of the longest chatter, s, without outliers of two close edges."""
+    """Longest chatter without outliers."""
     # The longest chatter bounds the time in which it may: of n edges' last of two flips, one lies within its last
     # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
     spans = sorted(span for span in each_s if span <= 2 * float(np.median(each_s)))

@@ -1,4 +1,4 @@
-"""The digitiser loses the stylus and the host makes it up."""
+"""The digitiser loses the stylus and the host may fill the gap."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from draglag.simulation.effects.base import Effect, Parameter, TouchEvents
 
 @dataclass(frozen=True)
 class LossOfContact(Effect):
-    """The digitiser loses the stylus and the host makes it up."""
-
     id: ClassVar[str] = "loss_of_contact"
     meaning: ClassVar[str] = (
         "The digitiser loses the stylus now and then; the host fills each gap with a straight line at"

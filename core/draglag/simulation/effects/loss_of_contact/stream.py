@@ -1,4 +1,4 @@
-"""Contact losses filled in with straight lines."""
+"""Detector of contact losses filled with straight lines."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ def filled_losses(
 ) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Filled contact losses: straight, evenly spaced stretches that the noise forbids.
 
-    uneven_ages: only straightness is evidence, and has to last longer. resolution_mm: of quantised coordinates, whose
-    lines bend too, and have to be likelier than by chance.
+    uneven_ages: spacing is no evidence. resolution_mm: of quantised coordinates, whose lines bend.
     """
     least = 4 if uneven_ages else 3
     n_events = sum(run.touch.t_s.size for run in runs)
@@ -88,8 +87,7 @@ def filled_losses(
 
 
 def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndarray]:
-    """Of inner events (n − 2): distance from the line between their neighbours at their own stamp, (2, n − 2) mm;
-    whether none."""
+    """Distance of inner events from the line between their neighbours, (2, n − 2); whether none."""
     t, x, y = touch.t_s, touch.x_mm, touch.y_mm
     share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
     off = np.array([v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)])
@@ -103,24 +101,21 @@ def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndar
 
 
 def _usual_around(off_mm: FloatArray, even: FloatArray, at_speed_mm2: FloatArray, resolution_mm: float) -> FloatArray:
-    """Mean square bend (2, n) mm² around each inner event, at most what is usual at its speed."""
+    """Mean square bend (2, n) mm² around each inner event."""
     of_even = uniform_filter1d(off_mm**2 * even, AROUND, axis=1)
     usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
     return np.asarray(np.minimum(usual_mm2, np.maximum(at_speed_mm2, resolution_mm**2 / 8)))
 
 
 def _stretches(straight: np.ndarray, least: int) -> list[tuple[int, int]]:
-    """(begin, end) of stretches of at least that many True values (n,); end excluded."""
+    """Bounds of at least ``least`` True values; end excluded."""
     change = np.diff(straight.astype(np.int8), prepend=0, append=0)
     ends = zip(np.flatnonzero(change > 0).tolist(), np.flatnonzero(change < 0).tolist(), strict=True)
     return [(begin, end) for begin, end in ends if end - begin >= least]
 
 
 def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
-    """By run, the mean square bend (n,) mm² usual at each inner event's speed.
-
-    A filter that averages longer at low speed makes lines, too, but at one speed.
-    """
+    """By run, mean square bend (n,) mm² usual at each inner event's speed: filters may make lines at low speed, too."""
     bends, speeds = {}, {}
     for index, touch in enumerate(touches):
         t, x, y = touch.t_s, touch.x_mm, touch.y_mm
@@ -146,8 +141,7 @@ def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
 
 
 def _even(t_s: np.ndarray) -> np.ndarray:
-    """1 at inner events (n,) a frame from both neighbours, else 0: about a burst any path bends. All 0 under a clock
-    coarser than the frames."""
+    """1 at inner events (n,) a frame from both neighbours, else 0."""
     frame_s = float(np.median(np.diff(t_s)))
     if frame_s <= 0:
         return np.zeros(max(t_s.size - 2, 0))
@@ -158,7 +152,7 @@ def _even(t_s: np.ndarray) -> np.ndarray:
 def _likelier_lines(
     off_mm: np.ndarray, usual_mm2: np.ndarray, even: np.ndarray, resolution_mm: float, n_events: int
 ) -> np.ndarray:
-    """Events (n,) in stretches whose bends off_mm (2, n) fit rounded lines better than the usual."""
+    """Events (n,) in stretches whose bends fit rounded lines better than the usual."""
     rounding = resolution_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
     gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
     gain *= INDEPENDENT * even

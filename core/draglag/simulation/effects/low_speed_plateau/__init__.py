@@ -1,4 +1,4 @@
-"""The digitiser's filter has a floor of speed."""
+"""The latency is constant below a speed."""
 
 from __future__ import annotations
 
@@ -26,8 +26,6 @@ BEYOND_SLOWEST = 1.25  # it has to hold for more than the slowest run
 
 @dataclass(frozen=True)
 class LowSpeedPlateau(Effect):
-    """The digitiser's filter has a floor of speed."""
-
     id: ClassVar[str] = "low_speed_plateau"
     title: ClassVar[str] = "low-speed plateau"
     meaning: ClassVar[str] = "Below a speed the latency no longer grows: it is held at what it is at that speed."

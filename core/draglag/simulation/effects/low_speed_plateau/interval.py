@@ -1,7 +1,4 @@
-"""The interval of a plateau's speed, by profile likelihood.
-
-Between the fastest run below and the slowest above, curvature at the best point alone understates the error.
-"""
+"""Interval of a plateau's speed by profile likelihood; between two runs' speeds curvature understates it."""
 
 from __future__ import annotations
 
@@ -18,10 +15,7 @@ N_LAW = 6  # parameters of Eq. 5 with a plateau
 
 
 def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
-    """95 % interval of the plateau speed, at least that from curvature.
-
-    The scatter between runs is estimated: Student's t, corrected for what the law has taken up.
-    """
+    """95 % interval, at least that from curvature; Student's t for the estimated scatter between runs."""
     best = fit.law.plateau_mm_s
     n_runs = np.unique(fit.run_index).size
     over = max(n_runs - N_LAW, 3)
@@ -36,7 +30,7 @@ def plateau_ci95_mm_s(fit: Fit) -> tuple[float, float]:
 
 
 def _profile(fit: Fit, plateaus_mm_s: FloatArray) -> FloatArray:
-    """Twice the log-likelihood, up to a constant, of each plateau speed (k,)."""
+    """Twice the log-likelihood of each plateau speed (k,)."""
     placed, use = fit.placed, fit.use
     v_n = placed.v_mm_s[use, 1] * placed.stretch[use]
     n_law = N_LAW if fit.law.plateau_mm_s > 0 else N_LAW - 1

@@ -1,4 +1,4 @@
-"""The fit of Eq. 5 that is constant below a speed."""
+"""Refit of Eq. 5 with a plateau."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["plateau_ci95_mm_s", "refits"]
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """The fit from the runs' latencies; none if it would concern the slowest run alone."""
+    """Fit from the runs' latencies; none if only the slowest run lies on the plateau."""
     try:
         fit = fit_session(session, before.runs, before.terms, True, before)
     except (EstimateError, np.linalg.LinAlgError, ValueError, FloatingPointError):
