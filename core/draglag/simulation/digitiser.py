@@ -44,8 +44,7 @@ def reporting(rig: Rig, k: Kinematics, effects: Sequence[Effect], stream: Stream
 
 
 def arrival(t_s: FloatArray, latency_s: FloatArray) -> FloatArray:
-    """Increasing stamps t + L, (n,). Where L falls faster than time passes, older positions arrive with the first newer
-    one."""
+    """Increasing stamps t + L, (n,); where L falls faster than time passes, positions arrive together."""
     tau = np.minimum.accumulate((t_s + latency_s)[::-1])[::-1]
     return np.asarray(tau + 1e-12 * np.arange(len(tau)))  # strictly increasing, so that it can be inverted
 

@@ -81,7 +81,6 @@ def _grouped(run: Run, diameter_mm: float) -> _Groups:
 
 
 def _longest_span_s(each_s: list[float]) -> float:
-    """Longest chatter without outliers."""
     # The longest chatter bounds the time in which it may: of n edges' last of two flips, one lies within its last
     # part q with 1 − (1 − q)²ⁿ. The median lies at 0.7 of it or beyond; what lasts twice that is something else.
     spans = sorted(span for span in each_s if span <= 2 * float(np.median(each_s)))

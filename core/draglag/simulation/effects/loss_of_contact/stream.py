@@ -152,7 +152,7 @@ def _even(t_s: np.ndarray) -> np.ndarray:
 def _likelier_lines(
     off_mm: np.ndarray, usual_mm2: np.ndarray, even: np.ndarray, resolution_mm: float, n_events: int
 ) -> np.ndarray:
-    """Events (n,) in stretches whose bends fit rounded lines better than the usual."""
+    """Events (n,) in stretches that rounded lines fit better."""
     rounding = resolution_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
     gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
     gain *= INDEPENDENT * even

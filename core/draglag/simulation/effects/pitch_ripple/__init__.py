@@ -25,7 +25,7 @@ PITCH_UNKNOWN = 0.015  # of a pitch: neighbouring ones of PITCHES_MM are 0.4 % a
 
 
 class Setting(NamedTuple):
-    """pitch_mm: of the electrodes; rows: 1 if rows ripple too, 0 for columns alone."""
+    """rows: 1 if rows ripple, too; 0: columns alone."""
 
     pitch_mm: float
     rows: float = 0.0
@@ -33,8 +33,6 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class PitchRipple(Effect):
-    """Position errors repeat with the electrodes."""
-
     id: ClassVar[str] = "pitch_ripple"
     title: ClassVar[str] = "electrode ripple"
     meaning: ClassVar[str] = (
@@ -78,7 +76,7 @@ class PitchRipple(Effect):
 
     @classmethod
     def undoing(cls, term: Term, runs: tuple[RunData, ...]) -> tuple[Undoing | None, Term]:
-        """The lattice that the traces show, if any; the term then starts at zero."""
+        """Lattice that the traces show, if any; the term then starts at zero."""
         there = _undone_in(runs)
         lattice = there or lattice_in(tuple(data.as_shown or data for data in runs))
         if lattice is None or lattice is there:
@@ -118,7 +116,6 @@ class PitchRipple(Effect):
 
 
 def _ripple(view: View, setting: Setting) -> Signature:
-    """One pitch, columns alone or rows too, averaged at the edges."""
     places = [view.averaged.x_mm, view.averaged.y_mm][: 2 if setting.rows else 1]
     phase = 2 * np.pi / setting.pitch_mm * np.column_stack(places)
     seen = view.averaged.rows @ np.column_stack([np.sin(phase), np.cos(phase)])

@@ -1,4 +1,4 @@
-"""A ripple as fitted: free phases, in both axes where touch events show it."""
+"""A fitted ripple, with free phases."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from draglag.simulation.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class FittedRipple(FittedShape):
-    """sizes: of sin and cos along x, then along y, in y, mm; then the same in x, where known."""
+    """sizes, mm: of sin and cos along x, then along y, in y; then the same in x, if known."""
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         waves = [2 * np.pi * at / self.theta[0] for at in (k.motion.x_mm, k.motion.y_mm)]

@@ -1,7 +1,4 @@
-"""The electrodes' lattice in touch streams: a ripple seen, and undone, event by event.
-
-At drag speeds it is quicker than any hand, so thousands of events show it; edges show only its part across the beam.
-"""
+"""A ripple found and undone in touch events: at drag speeds it is quicker than any hand."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ SETTLING, INVERSE = 2, 6  # rounds
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """pitch_mm; sizes_mm (4, 2): of sin and cos along x, sin and cos along y, for displacements in x and in y."""
+    """sizes_mm (4, 2): of sin and cos along x, then along y; displacements in x and in y."""
 
     pitch_mm: float
     sizes_mm: FloatArray
@@ -44,16 +41,13 @@ class Lattice:
     of_events: ClassVar[bool] = False
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
-        """A run's events without the ripple."""
+        """Events without the ripple."""
         xy_mm = self.undone_mm(trace.xy_mm)
         _, noise_mm = best_half_width_s(trace.t_s, xy_mm[:, 1:], shown.edge_t_s + shown.guess_s)
         return replace(trace, xy_mm=xy_mm, noise_mm=noise_mm)
 
     def undone_mm(self, shown_mm: FloatArray) -> FloatArray:
-        """The events of a run without the ripple, (n, 2) mm.
-
-        The displacement is taken on the smooth path: at an event's own noisy place a steep ripple would add noise.
-        """
+        """Events without the ripple, (n, 2), taken on the smooth path: at noisy places it would add noise."""
         there = shown_mm
         for _ in range(INVERSE):
             there = shown_mm - _waves(_place(there), self.pitch_mm) @ self.sizes_mm
@@ -62,12 +56,12 @@ class Lattice:
 
 @lru_cache(maxsize=1)
 def lattice_in(runs: tuple[RunData, ...]) -> Lattice | None:
-    """The lattice in runs (as shown), independent of the model tried."""
+    """Lattice in runs as shown."""
     return lattice_of([(data.t_s, data.xy_mm) for data in runs])
 
 
 def lattice_of(traces: Sequence[tuple[FloatArray, FloatArray]]) -> Lattice | None:
-    """The lattice in traces, (times (n,) s, positions (n, 2) mm) each; None if no pitch stands out."""
+    """Lattice in traces, ((n,) s, (n, 2) mm) each; None if no pitch stands out."""
     long = [(t_s, xy_mm) for t_s, xy_mm in traces if t_s.size > 10 * WINDOW]
     if not long:
         return None
@@ -111,7 +105,7 @@ def _waves(xy_mm: FloatArray, pitch_mm: float) -> FloatArray:
 
 
 def _power(runs: Sequence[FloatArray]) -> FloatArray:
-    """Explained square of events' deviations by waves of each pitch, (pitches,), approximate but fast."""
+    """Approximate explained square of waves of each pitch, (pitches,)."""
     kernel = -savgol_coeffs(WINDOW, DEGREE)
     kernel[WINDOW // 2] += 1
     turns = np.linspace(0, 0.5, 257)
@@ -135,7 +129,7 @@ def _power(runs: Sequence[FloatArray]) -> FloatArray:
 
 
 def _on_grid(at_mm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places (g,) every GRID_MM, and values (n, 2) shared between the two neighbours, (g, 2)."""
+    """Places (g,) on a grid, and values shared between neighbours, (g, 2)."""
     at = (at_mm - at_mm.min()) / GRID_MM
     left = at.astype(np.int64)
     share = at - left
@@ -148,7 +142,7 @@ def _on_grid(at_mm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def _fitted(runs: Sequence[tuple[FloatArray, FloatArray]], pitch_mm: float) -> tuple[FloatArray, float]:
-    """Sizes (4, 2), and the explained square of events' deviations from a smooth path."""
+    """Sizes (4, 2) and explained square."""
     normal, moment = 1e-9 * np.eye(4), np.zeros((4, 2))
     for shown, path in runs:
         columns, off = _deviation_from_path(_waves(path, pitch_mm)), _deviation_from_path(shown)

@@ -1,4 +1,4 @@
-"""A ripple in the electrodes' pitch, found in the touch events."""
+"""Refit of a ripple that touch events show."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LEAST_MM = 0.1  # of amplitude, in the touch events: twice the size of interest
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """The events' ripple, undone in the traces; none if there is none."""
+    """Refit with the ripple undone in the traces, if any."""
     lattice = lattice_in(as_shown(before.runs))
     if lattice is None:
         return []
@@ -22,11 +22,11 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def possible_in(before: Fit) -> bool:
-    """Whether the touch events show any ripple."""
+    """Whether touch events show any ripple."""
     return lattice_in(as_shown(before.runs)) is not None
 
 
 def shown_by_traces(before: Fit) -> bool:
-    """Whether touch events show a relevant ripple, even if little is across the beam."""
+    """Whether touch events show a ripple of a size of interest."""
     lattice = lattice_in(as_shown(before.runs))
     return lattice is not None and float(abs(lattice.sizes_mm).max()) > LEAST_MM

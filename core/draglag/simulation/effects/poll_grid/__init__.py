@@ -12,8 +12,6 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter, Touch
 
 @dataclass(frozen=True)
 class PollGrid(Effect):
-    """Touch events wait for the host's next poll."""
-
     id: ClassVar[str] = "poll_grid"
     title: ClassVar[str] = "polling of the bus"
     meaning: ClassVar[str] = (

@@ -1,8 +1,4 @@
-"""Touch events that wait for the host's next poll: stamps on a jittering grid that frames fill in a beat.
-
-Rivals, by likelihood: a rounding clock, exactly on the grid; a panel whose frames are the grid, filled by chance or in
-a fixed pattern. Under polls frame i comes with the first tick after i periods of the panel.
-"""
+"""Detector of polls: frame i comes with the first tick of a jittering grid after i periods of the panel."""
 
 from __future__ import annotations
 
@@ -38,7 +34,7 @@ FOLLOWED = 0.2  # of what a frame lies beyond its poll
 
 @dataclass(frozen=True)
 class _Grid:
-    """One run's stamps on the grid: ticks (n,), their period, deviations (n,) s."""
+    """One run's stamps on the grid: ticks (n,), period, deviations (n,)."""
 
     tick: IntArray
     period_s: float
@@ -47,14 +43,14 @@ class _Grid:
 
 @dataclass(frozen=True)
 class Polled:
-    """A host's polling as a stream effect, and the panel's frame interval."""
+    """Polling, and the panel's frame interval."""
 
     effect: StreamEffect
     frame_s: float
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Polls, and runs with the stamps of the panel's frames."""
+    """Polls, and runs with stamps of the panel's frames."""
     waited = streams.of(polls_in)
     if waited is None:
         return None, runs
@@ -62,12 +58,12 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def polls_in(streams: Streams) -> Polled | None:
-    """The host's polling, whose beat explains empty ticks, groups and uneven ages."""
+    """Polling of the host, if any."""
     return polled(streams.touches)
 
 
 def polled(touches: Sequence[TouchTrace]) -> Polled | None:
-    """The host's polling with period and jitter, if likelier than its rivals."""
+    """Polling, if likelier than frames that are the grid or a clock that rounds."""
     grids = _grids(touches)
     if not grids or grids[0].period_s < SHORTEST_S or _scatter_of_grid(grids) * grids[0].period_s < ROUNDING_S:
         return None  # no grid, a wait too short for a name, or a clock that rounds
@@ -97,7 +93,7 @@ def polled(touches: Sequence[TouchTrace]) -> Polled | None:
 
 
 def unpolled(touch: TouchTrace, period_s: float, frame_s: float) -> TouchTrace:
-    """The trace stamped by the panel's even frames; the mean wait stays."""
+    """Trace stamped by the panel's even frames; the mean wait stays."""
     if touch.t_s.size < 100:
         return touch
     count = _frames(_on_grid(touch.t_s, period_s).tick, frame_s / period_s)
@@ -106,7 +102,7 @@ def unpolled(touch: TouchTrace, period_s: float, frame_s: float) -> TouchTrace:
 
 
 def _frames(tick: IntArray, frame: float) -> FloatArray:
-    """Each event's frame number, (n,): the next, unless it had waited longer than a period."""
+    """Frame number of each event, (n,)."""
     count, begun = [0], 0.0
     for now in (tick - tick[0]).tolist():
         waited = now - begun - frame * (count[-1] + 1)
@@ -118,7 +114,7 @@ def _frames(tick: IntArray, frame: float) -> FloatArray:
 
 
 def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
-    """The stamps on the grid closest for its size; empty without any."""
+    """Stamps on the grid of least relative scatter; empty without any."""
     apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
     usual_s = float(np.mean(apart_s))
     apart_s = apart_s[(apart_s > 0.25 * usual_s) & (apart_s < 6 * usual_s)]
@@ -139,7 +135,7 @@ def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
 
 
 def _scatter_of_grid(grids: Sequence[_Grid]) -> float:
-    """Deviation of stamps from the grid, in ticks: median over the runs."""
+    """In ticks; median over runs."""
     return float(np.median([_spread(grid.off_s) / grid.period_s for grid in grids]))
 
 
@@ -148,7 +144,6 @@ def _spread(values: FloatArray) -> float:
 
 
 def _of_most(values: FloatArray) -> float:
-    """Standard deviation without outliers: arrivals are late, never early."""
     off = values - np.median(values)
     return float(np.std(off[np.abs(off) < FAR * _spread(values)]))
 
@@ -165,7 +160,7 @@ def _on_grid(t_s: FloatArray, period_s: float) -> _Grid:
 
 
 def _beat(grids: Sequence[_Grid], longest: int) -> tuple[float, float]:
-    """Log-likelihood of a beat less that of a step depending on the one before alone; frame period in ticks."""
+    """Log-likelihood of a beat less that of ``_of_neighbours``; frame period in ticks."""
     steps = np.concatenate([np.diff(grid.tick) for grid in grids])
     usual = float(np.mean(steps[steps <= 3 * max(float(np.median(steps)), 1.0)]))
     windows = [window for grid in grids for window in _windows(grid.tick, int(np.ceil(usual)) + 1, longest)]
@@ -178,7 +173,6 @@ def _beat(grids: Sequence[_Grid], longest: int) -> tuple[float, float]:
 
 
 def _apart(windows: Sequence[IntArray]) -> float:
-    """Mean number of ticks between events."""
     return float(sum(w[-1] - w[0] for w in windows) / sum(w.size - 1 for w in windows))
 
 
@@ -195,14 +189,14 @@ def _beat_in(windows: Sequence[IntArray]) -> tuple[float, float]:
 
 
 def _windows(tick: IntArray, most: int, longest: int) -> list[IntArray]:
-    """Stretches of events none of which is missing for certain."""
+    """Stretches without surely missing events."""
     parts = np.split(tick, np.flatnonzero(np.diff(tick) > most) + 1)
     cut = [part[k : k + longest] for part in parts for k in range(0, part.size, longest)]
     return [window for window in cut if window.size >= FEWEST]
 
 
 def _of_beat(tick: IntArray, frame: float, jitter: float) -> float:
-    """Log-likelihood of ticks (n,), each frame seen at the first tick after it."""
+    """Log-likelihood of ticks (n,) under a beat."""
     at = frame * np.arange(tick.size) + PHASES[:, None]
     late = tick - tick[0] - at
     each = ndtr(late / jitter) - ndtr((late - 1) / jitter)
@@ -211,7 +205,7 @@ def _of_beat(tick: IntArray, frame: float, jitter: float) -> float:
 
 
 def _of_neighbours(windows: Sequence[IntArray]) -> float:
-    """Log-likelihood of steps that depend on the one before alone, or of exactly repeating patterns."""
+    """Log-likelihood (BIC) of steps that depend on the last one to three."""
     best = -np.inf
     for order in (1, 2, 3):
         counts: dict[tuple[int, ...], dict[int, int]] = {}

@@ -25,8 +25,6 @@ STEP = 2.0  # factor between the windows at which traces are looked at: events d
 
 @dataclass(frozen=True)
 class Prediction(Effect):
-    """The panel or the host extrapolates the stylus's path."""
-
     id: ClassVar[str] = "prediction"
     meaning: ClassVar[str] = (
         "Reported positions are extrapolated by this time, with the velocity over the last events: drags are shown "
@@ -57,19 +55,18 @@ class Prediction(Effect):
         return each_contact(events, lambda t_s, xy_mm: extrapolated(t_s, xy_mm, self.value, self.window_s))
 
     def stamped_late_s(self) -> float:
-        """Drags are shown early by the horizon: a fit has that in its law, and the simulation adds it again."""
+        """Minus the horizon, which fits have in their law."""
         return -self.value
 
     @classmethod
     def columns_at(cls, theta: Theta, view: View) -> tuple[Signature, ...]:
-        """Outside of curves by h d + h²/2 times the acceleration, where d is half the window of the velocity: size h
-        gives the whole at theta = (h, window). The horizon itself is part of the curve."""
+        """Displacement −h (h + w) / 2 times the acceleration, for theta = (h, w), horizon and window; h is the size."""
         horizon_s, window_s = (*theta, WINDOW_S)[:2]
         return (bent(view, -0.5 * (window_s + horizon_s), theta=theta),)
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        """What curves show: its size is h (h + window), s²."""
+        """One column of size h (h + w), s²."""
         return [bent(view, -0.5)]
 
     @classmethod
@@ -89,7 +86,7 @@ class Prediction(Effect):
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """The horizon with the window of the traces; its interval holds those of the windows next to it, or of all."""
+        """Horizon at the traces' window; its interval spans neighbouring windows, or all."""
         low, size, high = (max(found.sizes[0] + s * Z95 * found.se[0], 0.0) for s in (-1, 0, 1))
         horizon, window = cls.parameters
         window_s, reach = WINDOW_S, (window.lower, window.upper)
@@ -101,7 +98,7 @@ class Prediction(Effect):
 
     @classmethod
     def with_taps(cls, parameters: Parameters, value: float, ci95: tuple[float, float]) -> Parameters | None:
-        """Taps show the horizon, which leaves the window to the curves; where they show it worse, the curves do."""
+        """Horizon from taps or curves, whichever is surer; window from curves."""
         horizon, window = cls.parameters
         (by_curves_s, reach_s), (window_s, _) = parameters[horizon.name], parameters[window.name]
         low, high = max(ci95[0], reach_s[0]), min(ci95[1], reach_s[1])

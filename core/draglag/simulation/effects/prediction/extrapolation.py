@@ -1,4 +1,4 @@
-"""The extrapolation itself: positions moved ahead with the velocity over the last events."""
+"""Extrapolation of positions by the velocity over the last events."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from draglag.recording import FloatArray
 
 
 def window_start(t_s: FloatArray, window_s: float) -> tuple[np.ndarray, FloatArray, FloatArray]:
-    """Where the path a window ago is to be read: event before it, share of the way to the next, span in time; (n,)."""
+    """Place of the path a window ago: event before it, share of the way to the next, span in s; (n,)."""
     at_s = np.maximum(t_s - window_s, t_s[0])
     begin = np.clip(np.searchsorted(t_s, at_s, side="right") - 1, 0, max(t_s.size - 2, 0))
     after = np.minimum(begin + 1, t_s.size - 1)
@@ -17,7 +17,7 @@ def window_start(t_s: FloatArray, window_s: float) -> tuple[np.ndarray, FloatArr
 
 
 def extrapolated(t_s: FloatArray, xy_mm: FloatArray, horizon_s: float, window_s: float) -> FloatArray:
-    """Positions (n, 2) of one contact that began with the first event, moved ahead by a horizon, s."""
+    """Extrapolated positions (n, 2) of one contact."""
     if t_s.size < 2:
         return xy_mm
     begin, share, span_s = window_start(t_s, window_s)

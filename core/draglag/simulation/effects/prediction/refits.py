@@ -1,4 +1,4 @@
-"""A prediction: the traces before it, at the horizon that the edges ask for with each of some windows."""
+"""Refits of a prediction."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROUNDS = 3
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Its effect on curves, and the traces before it; with other windows where that is likelier."""
+    """Refits of its column and of traces before it, with other windows if the latter are likelier."""
     mean = refit(session, before, [*before.terms, Term(Prediction.id)])
     usual = None if mean is None else _undone(session, before, mean, WINDOW_S)
     if mean is None or usual is None or _likelihoods_differ_by(mean, usual) > 0:
@@ -23,7 +23,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def _undone(session: Session, before: Fit, found: Fit, window_s: float) -> Fit | None:
-    """The traces before it, with this window, at the horizon that explains what they show of curves."""
+    """Refit of traces before it, at this window and the fitted horizon."""
     out, setting_s = None, 0.0
     for _ in range(ROUNDS):
         size_s2 = float(Prediction.whole_sizes(found.terms[-1], found)[0])
@@ -40,6 +40,6 @@ def _undone(session: Session, before: Fit, found: Fit, window_s: float) -> Fit |
 
 
 def _likelihoods_differ_by(one: Fit, other: Fit) -> float:
-    """Nats by which the first is likelier, on the edges that both use."""
+    """Log-likelihood ratio on common edges."""
     both = one.use & other.use
     return log_likelihood_on(one, both) - log_likelihood_on(other, both)

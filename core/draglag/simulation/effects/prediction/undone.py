@@ -1,4 +1,4 @@
-"""A trace before its extrapolation: the exact inverse of the recursion, event by event."""
+"""Exact inverse of the extrapolation, event by event."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LITTLE_NOISE = 0.01  # weight of an earlier event, below which its noise adds 1e
 
 @dataclass(frozen=True)
 class Unpredicted:
-    """Extrapolated by a horizon with the velocity over a window, both s. The events stay as early as they are shown."""
+    """Undoing of an extrapolation. Stamps move earlier by the horizon, so that the latency stays."""
 
     horizon_s: float
     window_s: float
@@ -40,10 +40,9 @@ class Unpredicted:
 
 
 def inverse(t_s: FloatArray, horizon_s: float, window_s: float) -> csr_matrix:
-    """Weights (n, n) of the reported positions in each position before the extrapolation.
+    """Weights (n, n) of reported positions r in the positions y before the extrapolation.
 
-    Reported is r = y + g (y − B y), with B the path a window ago and g the horizon over its span. So that
-    y = G r + (I − G) B y, G = 1 / (1 + g), a series whose terms fall by g / (1 + g): it is summed by doubling.
+    r = y + g (y − B y), B the path a window ago, g horizon over span: y = G r + (I − G) B y, G = 1 / (1 + g), a series.
     """
     n = t_s.size
     bounds = np.flatnonzero(first_of_contact(t_s))

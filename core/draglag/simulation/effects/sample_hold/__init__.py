@@ -13,8 +13,6 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter, Touch
 
 @dataclass(frozen=True)
 class SampleHold(Effect):
-    """The host reads the last event in a loop."""
-
     id: ClassVar[str] = "sample_hold"
     title: ClassVar[str] = "sample and hold"
     meaning: ClassVar[str] = (

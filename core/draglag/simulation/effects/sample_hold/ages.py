@@ -1,4 +1,4 @@
-"""Variation of the positions' age from stamp to stamp."""
+"""Scatter of the positions' age."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ REMAINING = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of i
 
 
 def ages_remain(recorded: list[TouchTrace], even: list[TouchTrace], period_s: float) -> bool:
-    """Whether undoing uneven ages hardly evened them."""
+    """Whether undoing left ages uneven."""
     before_s = uneven_age_s(recorded)
     return before_s > UNEVEN_AGE * period_s and uneven_age_s(even) > REMAINING * before_s
 
 
 def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
-    """Standard deviation of the positions' age, s: median over the faster half of fast enough runs, or 0.
+    """Standard deviation of the positions' age, median over the faster half of fast runs; 0 without any.
 
-    Age moves positions along the path, not across it: the third differences' excess scatter along, less the stamps'.
-    Fast runs, because a deadband's ages vanish with speed and a loop's do not.
+    Age moves positions along the path only: excess scatter of third differences there. A deadband's ages vanish with
+    speed.
     """
     ages: list[tuple[float, float]] = []
     for touch in touches:
@@ -52,7 +52,7 @@ def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
 
 
 def _robust_variance(values: np.ndarray) -> float:
-    """Mean square about the median, clipped at six robust standard deviations."""
+    """Mean square about the median, without outliers."""
     off = values - np.median(values)
     far = 6 * 1.4826 * float(np.median(np.abs(off)))
     return float(np.mean(np.clip(off, -far, far) ** 2))

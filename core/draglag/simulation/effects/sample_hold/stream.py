@@ -1,4 +1,4 @@
-"""Detector of a host's sample-and-hold loop: positions that repeat or are of uneven age."""
+"""Detector of a host's sample-and-hold loop."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STEPS = 3.0  # of its coordinates that a run advances by from event to event, wh
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """A loop, and runs with positions of even age, or without repeated ones."""
+    """Loop, and runs with positions of even age, or without repeats."""
     loop = streams.of(loop_in)
     if loop is None or streams.of(batches_in) is not None or streams.of(clock_in) is not None:
         return None, runs  # a grid of stamps without repeated positions is a coarse clock's
@@ -40,10 +40,7 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 
 
 def of_the_bus(loop: StreamEffect, repeat: float) -> StreamEffect:
-    """A loop as polls of the bus, if positions do not repeat and the interval is a bus'.
-
-    repeat: share of repeated positions: a poll without a new report sends none.
-    """
+    """The loop, as polls if its interval is that of a USB bus and positions do not repeat. repeat: share of repeats."""
     period_s = 1 / loop.value
     if repeat > FEW_REPEATS or not any(abs(period_s / bus_s - 1) < BUS_CLOCK for bus_s in BUS_S):
         return loop
@@ -55,16 +52,13 @@ def of_the_bus(loop: StreamEffect, repeat: float) -> StreamEffect:
 
 
 def loop_in(streams: Streams) -> StreamEffect | None:
-    """A loop; none where repeats are a deadband's or uneven ages are those of polls."""
+    """Loop, unless by a deadband or polls."""
     other = streams.of(deadband_in) is not None or streams.of(polls_in) is not None
     return None if other else hold(streams.touches, streams.step_mm)
 
 
 def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:
-    """A host loop that writes the last event at each tick: even stamps, positions that repeat or advance unevenly.
-
-    step_mm: of the coordinates; a slow drag repeats coarse ones anyhow.
-    """
+    """Loop: even stamps, positions that repeat or are of uneven age. step_mm: of the coordinates."""
     intervals = np.concatenate([np.diff(t.t_s) for t in touches])
     period_s = float(np.median(intervals))
     if period_s <= 0:
@@ -96,7 +90,7 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
 
 
 def _share_of_repeats(touches: list[TouchTrace], step_mm: float) -> float:
-    """Share of repeated positions, in runs that advance by more than the resolution an event."""
+    """Share of repeats in runs that advance by more than the resolution an event."""
     advance = [float(np.median(np.hypot(np.diff(t.x_mm), np.diff(t.y_mm)))) for t in touches]
     informative = [repeats(t) for t, each_mm in zip(touches, advance, strict=True) if each_mm >= STEPS * step_mm]
     # Where the loop is faster than the touch most events repeat, and none advances by the usual step.
@@ -105,7 +99,7 @@ def _share_of_repeats(touches: list[TouchTrace], step_mm: float) -> float:
 
 
 def _age_without_ripple_s(touches: list[TouchTrace], step_mm: float, age_s: float) -> float:
-    """The scatter of ages, s, without a panel's ripple, which is uneven along the path by place."""
+    """Scatter of ages without a panel's ripple."""
     ripple = lattice_of([(t.t_s, np.column_stack([t.x_mm, t.y_mm])) for t in touches])
     if ripple is None:
         return age_s

@@ -1,8 +1,7 @@
-"""The age of held positions, undone: a frame clock seen through a slower or faster host loop.
+"""Undoing of sample-and-hold.
 
-At tick j the newest frame has the age p_f · frac(α j − φ): p_f the frames' period, α = p_t / p_f less whole frames, φ
-the run's phase. Positions lag along the path by age × speed: α is the line shared by the runs' deviations, φ where the
-sawtooth fits.
+At tick j the newest frame has age p_f · frac(α j − φ): p_f frame period, α fraction of p_t / p_f, φ the run's phase.
+Positions lag by age × speed; α is a common line of the runs' spectra.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ HEIGHT = (0.45, 1.1)  # of the frames' period, that a sawtooth may seem to have:
 
 @dataclass(frozen=True)
 class _Deviation:
-    """Of one run: tick of each event (n,), how far it is ahead of its path in time (n,) s, and its weight."""
+    """One run's events, (n,): tick, time ahead of the path, weight."""
 
     tick: IntArray
     ahead_s: FloatArray
@@ -40,8 +39,7 @@ class _Deviation:
 
 
 def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] | None:
-    """Traces as if all positions were of the mean age; None if the beat cannot be seen. period_s: of the host's
-    loop."""
+    """Traces with all positions of the mean age; None if the beat cannot be seen. period_s: of the loop."""
     deviations = [_deviation(touch, period_s) for touch in touches]
     fast = sorted((d for d in deviations if d is not None), key=lambda d: -float(d.weight.mean()))[:FASTEST]
     if not fast:
@@ -65,7 +63,7 @@ def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[Tou
 def _at_even_ages(
     touches: Sequence[TouchTrace], fits: Sequence[_Fit | None], alpha: float, period_s: float, frame_s: float
 ) -> list[TouchTrace]:
-    """The traces without frames' ages on the loop's ticks; runs without a fit unchanged."""
+    """Traces without ages; runs without a fit unchanged."""
     out = []
     for touch, fit in zip(touches, fits, strict=True):
         if fit is None:
@@ -85,7 +83,7 @@ def _at_even_ages(
 
 
 def _jumped(touch: TouchTrace, age_s: FloatArray, frame_s: float, half_width_s: float) -> FloatArray:
-    """Ages (n,) s that jump where positions show it: jittering frames alternate by a tick."""
+    """Ages (n,) that jump where positions show it, up to a tick off."""
     own_s = np.maximum.accumulate(touch.t_s - age_s + 1e-9 * np.arange(age_s.size))
     xy = np.column_stack([touch.x_mm, touch.y_mm])
     fit = local_fit(own_s, xy, own_s, half_width_s)
@@ -97,7 +95,7 @@ def _jumped(touch: TouchTrace, age_s: FloatArray, frame_s: float, half_width_s: 
 
 
 def _as_of(touch: TouchTrace, own_s: FloatArray, half_width_s: float) -> TouchTrace:
-    """Positions of times ``own_s`` carried along the path to their stamps; those without a path left out."""
+    """Positions of ``own_s`` moved along the path to their stamps; those without a path left out."""
     xy = np.column_stack([touch.x_mm, touch.y_mm])
     there, here = (local_fit(own_s, xy, at_s, half_width_s) for at_s in (touch.t_s, own_s))
     keep = there.ok & here.ok
@@ -111,7 +109,7 @@ def _ticks(t_s: FloatArray, period_s: float) -> IntArray:
 
 
 def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
-    """Events' time ahead of a local path, on the ticks; None for a run too short."""
+    """Deviation from a local path; None for a short run."""
     if touch.t_s.size < 10 * WINDOW:
         return None
     tick = _ticks(touch.t_s, period_s)
@@ -129,11 +127,7 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
 
 
 def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
-    """α, from runs that show it well.
-
-    A spectrum does not separate a sawtooth from its mirror image, nor always from its harmonics: a line may be a
-    multiple of a slow α.
-    """
+    """α from fast runs. A spectral line may be that of a mirror image or a multiple of α."""
     best: tuple[float, list[float]] = (-np.inf, [0.5])
     beats = _beats(fast)
     lines = [np.array([_finer(run, line) for run in fast]) for line in beats]
@@ -149,7 +143,7 @@ def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
 
 
 def _beats(runs: Sequence[_Deviation]) -> list[float]:
-    """α of each line shared by the runs."""
+    """α of each line that runs share."""
     power = np.zeros(GRID)
     widest = 1
     for run in runs:
@@ -172,7 +166,7 @@ def _beats(runs: Sequence[_Deviation]) -> list[float]:
 
 
 def _finer(run: _Deviation, near: float) -> float:
-    """α of one run's own line, close to the shared one."""
+    """α of one run, near the shared one."""
     alphas = near + 0.1 / run.tick[-1] * np.arange(-20, 21)
     lines = [np.abs(np.exp(-2j * np.pi * one * run.tick) @ (run.weight * run.ahead_s)) for one in alphas]
     return float(alphas[int(np.argmax(lines))])
@@ -186,7 +180,7 @@ class _Fit:
 
 
 def _sawtooth(run: _Deviation, alpha: float, phases: FloatArray = PHASES) -> _Fit:
-    """The best sawtooth's phase and height for a run's deviations, and the share it explains."""
+    """Best sawtooth and the share it explains."""
     even = np.mod(alpha * np.arange(run.tick[-1] + 1)[:, None] - phases, 1.0)
     sawtooth = (savgol_filter(even, WINDOW, DEGREE, axis=0) - even)[run.tick]  # as the deviations were taken
     moment = (run.weight * run.ahead_s) @ sawtooth

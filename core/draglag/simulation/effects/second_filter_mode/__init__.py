@@ -34,8 +34,6 @@ SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their spee
 
 @dataclass(frozen=True)
 class SecondFilterMode(Effect):
-    """The digitiser switches to another filter."""
-
     id: ClassVar[str] = "second_filter_mode"
     meaning: ClassVar[str] = "Above a switching speed the digitiser uses a second filter, slower by a constant."
     follows: ClassVar[str] = "speed"
@@ -159,7 +157,7 @@ def _mode(view: View, setting: Setting) -> Signature:
 
 
 def _threshold_of_change(fit: Fit) -> float | None:
-    """Threshold of the change of speed, mm/s², of a filter in the touch events; None if it follows none."""
+    """Acceleration threshold of a filter that events show; None if it follows none."""
     settings = (Setting.of(term.theta) for term in fit.terms if term.effect == SecondFilterMode.id)
     times = next((setting.times_s for setting in settings if setting is not None and setting.shown), None)
     return None if times is None else threshold_of_change(fit.runs, times)

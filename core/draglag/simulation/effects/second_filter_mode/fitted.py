@@ -1,4 +1,4 @@
-"""A second filter as fitted, by acceleration or in stretches of time."""
+"""A fitted second filter, by acceleration or times."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag.simulation.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class FittedMode(FittedShape):
-    """sizes: how much later, s."""
+    """sizes: lateness, s."""
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         setting = Setting.of(self.theta)

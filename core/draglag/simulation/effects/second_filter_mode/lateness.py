@@ -1,4 +1,4 @@
-"""Touch events freed of a second filter's lateness."""
+"""Undoing of a second filter's lateness."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Lateness:
-    """A lateness, s, in stretches from–to of session time, to be taken off touch stamps."""
+    """Lateness of touch stamps in stretches from–to of session time."""
 
     size_s: float
     times_s: tuple[float, ...]
@@ -32,10 +32,8 @@ class Lateness:
 def without_lateness(
     t_s: FloatArray, xy_mm: FloatArray, size_s: float, times_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Events (n,), (n, 2) without the lateness, and without those while the trace stood still.
-
-    times_s: (2 k,) stretches from–to, on the clock of ``t_s``.
-    """
+    """Events (n,), (n, 2) without the lateness and without those of standstills. times_s: (2 k,) on the clock of
+    ``t_s``."""
     late = np.searchsorted(times_s, t_s - size_s) % 2 == 1
     begins = times_s[::2]
     still = np.searchsorted(begins, t_s) != np.searchsorted(begins, t_s - size_s)

@@ -1,4 +1,4 @@
-"""A second filter: above a speed, or in stretches that edges or events show."""
+"""Refits of a second filter, above a speed or by times."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NEAR = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """One refit for every way in which a second filter shows."""
+    """One refit for each way in which it shows."""
     skips = find_skips(as_shown(before.runs))
     switching = find_switching(before)
     step = find_step(before.runs, latency_of_terms(before)) if before.law.plateau_mm_s <= 0 else None
@@ -55,25 +55,25 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def shown_by_edges(before: Fit) -> bool:
-    """Whether edges' latencies lie on two lasting levels, or events skip and stand still."""
+    """Whether edges' latencies lie on two lasting levels, or events skip."""
     found = find_switching(before)
     return (found is not None and found.gain > 0) or find_skips(as_shown(before.runs)) is not None
 
 
 def judged(placed: Placed, term: Term) -> np.ndarray:
-    """Edges (m,) away from switches, where positions are averages."""
+    """Edges (m,) away from switches."""
     return away(placed, _setting(term), term.sizes[0] if term.sizes else 0.0)
 
 
 def open_mm(placed: Placed, term: Term) -> FloatArray:
-    """About a switch an edge lies anywhere between the two filters' positions, (m,) mm."""
+    """Distance between the two filters' positions, (m,)."""
     setting = _setting(term)
     size_s = abs(setting.above if setting.shown else term.sizes[0])
     return np.asarray(size_s * np.abs(placed.v_mm_s[:, 1] * placed.stretch))
 
 
 def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
-    """The fit without edges next to a switch that show a mean of both filters."""
+    """Fit without edges that show a mean of both filters."""
     mode = next(t for t in fit.terms if t.effect == OWN)
     mixed = of_neither(fit, _setting(mode))
     if not mixed.any():
@@ -83,7 +83,7 @@ def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
 
 
 def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step: Step | None) -> Fit | None:
-    """A filter above the likeliest speed: single edges', or between two runs whose latencies part."""
+    """Refit above the likeliest speed of single edges or between two runs."""
     law, speeds = before.law, list[float]()
     if setting is not None and setting.by is By.SPEED:
         speeds = [v * setting.above for v in NEAR]
@@ -96,7 +96,7 @@ def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step:
 
 
 def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
-    """The fit with an intermittent filter, its times settled with the law."""
+    """Refit by times, in turn with its law."""
     fit, law, setting, size_s = None, None, switching.setting, switching.size_s
     for _ in range(ROUNDS):
         only = away(before.placed, setting, size_s)
@@ -113,7 +113,7 @@ def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None
 
 
 def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
-    """The fit with a second filter undone in the traces until little lateness remains."""
+    """Refit of traces freed of it until little lateness remains."""
     fit, setting = None, skips.setting
     for _ in range(ROUNDS):
         law, last = (None, before) if fit is None else (fit.law, fit)

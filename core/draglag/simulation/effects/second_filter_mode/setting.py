@@ -1,4 +1,4 @@
-"""The setting of a second filter: what switches it, and when."""
+"""Setting of a second filter."""
 
 from __future__ import annotations
 
@@ -23,8 +23,10 @@ class By(IntEnum):
 
 @dataclass(frozen=True)
 class Setting:
-    """by: what switches it. above: a speed, mm/s, or an acceleration, mm/s²; for times shown, the lateness undone in
-    the traces, s. times_s: one increasing row from–to, session time of the stylus, or of the trace if shown."""
+    """above: threshold, mm/s or mm/s²; if ``shown``, the lateness undone in the traces, s.
+
+    times_s: increasing from–to, session time of the stylus, or of the trace if ``shown``.
+    """
 
     above: float
     by: By
@@ -32,7 +34,7 @@ class Setting:
 
     @classmethod
     def of(cls, theta: tuple[float, ...]) -> Setting | None:
-        """The setting of a term; None if it has none yet. Raises DataError for an invalid one."""
+        """Setting of a term, if it has one. Raises DataError for an invalid one."""
         if not theta:
             return None
         if len(theta) < 2 or theta[1] not in list(By):
@@ -47,7 +49,7 @@ class Setting:
 
     @property
     def shown(self) -> bool:
-        """Whether its times are the touch events', and it is undone in the traces."""
+        """Whether touch events show its times and it is undone in the traces."""
         return self.by is By.TIME_SHOWN
 
     @property
@@ -60,5 +62,5 @@ class Setting:
 
 
 def within(times_s: tuple[float, ...], at_s: FloatArray) -> np.ndarray:
-    """Whether times (m,) lie in a stretch from–to of an increasing row, s."""
+    """Whether times (m,) lie in stretches from–to."""
     return np.asarray(np.searchsorted(np.array(times_s), at_s) % 2 == 1)

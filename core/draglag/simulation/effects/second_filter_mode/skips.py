@@ -1,7 +1,4 @@
-"""An intermittent filter in touch events: the trace stands still when it takes over, and skips as far when it ends.
-
-One lateness for all runs; a tracker finds the likeliest switches.
-"""
+"""An intermittent filter in touch events: the trace stands still when it begins and skips when it ends."""
 
 from __future__ import annotations
 
@@ -41,8 +38,7 @@ MOSTLY, NEARLY_ALL = 0.6, 0.85
 
 @dataclass(frozen=True)
 class Skips:
-    """size_s: lateness of events; times_s: (2 k,) its stretches from–to in session time, as the trace shows it without
-    lateness; gain: of log-likelihood."""
+    """Lateness; (2 k,) its stretches from–to in session time, as the trace without it shows; gain in log-likelihood."""
 
     size_s: float
     times_s: FloatArray
@@ -50,14 +46,13 @@ class Skips:
 
     @property
     def setting(self) -> Setting:
-        """As a term: what is undone in the traces, and its times."""
+        """Setting of the term."""
         return Setting(self.size_s, By.TIME_SHOWN, tuple(self.times_s.tolist()))
 
 
 @lru_cache(maxsize=1)
 def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
-    """Two levels of lateness in runs (as shown); None if one does as well, or if a place, direction or speed switches
-    them. Independent of the model tried."""
+    """Two levels of lateness in runs as shown; None if one suffices, or place, direction or speed switches them."""
     runs = [data for data in all_runs if data.t_s.size > 10 * QUICKER]
     skip_s = _typical_skip_s([data for data in runs if data.keeps_moving])
     if skip_s is None:
@@ -83,11 +78,7 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
 
 @lru_cache(maxsize=4)
 def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
-    """Threshold of the change of speed, mm/s², that separates the filter's stretches, or None.
-
-    Args:
-        runs: with the lateness undone. times_s: (2 k,) of ``Skips``.
-    """
+    """Acceleration threshold, mm/s², that separates the filter's stretches, if any. runs: with the lateness undone."""
     changes, states = [], []
     first_s = min(float(data.t_s[0]) for data in runs)
     for data in runs:
@@ -107,10 +98,7 @@ def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -
 
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
-    """Typical skip, s, in runs that also stand still; None without, or if all are at one place, direction or speed.
-
-    Spares tracking, which takes seconds. Starts from rest look like skips, stops like standstills; both are excluded.
-    """
+    """Typical skip in runs that also stand still; None as in ``find_skips``."""
     skips, standstills, at = [], 0, []
     for data in runs:
         apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)
@@ -133,12 +121,12 @@ def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
 
 
 def _medians(values: FloatArray, live: np.ndarray) -> FloatArray:
-    """Of (n − 1, runs, g) where a run has events, (runs, g)."""
+    """Medians over a run's events, (runs, g)."""
     return np.array([np.median(values[live[1:, k], k], axis=0) for k in range(values.shape[1])])
 
 
 def _stretches(t_s: FloatArray, later: np.ndarray, size_s: float) -> FloatArray:
-    """Times from–to, (2 k,), without the lateness. Half the events of a standstill seem of either level."""
+    """Times from–to, (2 k,), without the lateness."""
     changes = np.flatnonzero(np.diff(later)) + 1
     out: list[float] = []
     for first, last in pairwise([0, *changes.tolist(), t_s.size]):
@@ -150,11 +138,7 @@ def _stretches(t_s: FloatArray, later: np.ndarray, size_s: float) -> FloatArray:
 
 
 def _alike(runs: Sequence[RunData], at: Sequence[np.ndarray], weights: Sequence[float] | FloatArray) -> float:
-    """Share of switches within ``ALIKE`` of a run's events by place, direction or speed, which if high is what
-    switches.
-
-    at: indices of each run's switching events.
-    """
+    """Share of switches within ``ALIKE`` of events by place, direction or speed. at: indices of switching events."""
     shares = []
     for data, events in zip(runs, at, strict=True):
         if events.size:

@@ -1,7 +1,4 @@
-"""A law with a step, from the runs' latencies: a second filter above some speed.
-
-Eq. 5 bends until it nearly hides a step: only a fit that begins with one finds it.
-"""
+"""A step in the law from the runs' latencies; Eq. 5 bends until it nearly hides one."""
 
 from __future__ import annotations
 
@@ -21,7 +18,7 @@ LEAST_GAIN = 12.0
 
 @dataclass(frozen=True)
 class Step:
-    """Eq. 5 plus ``size_s`` above a threshold between two runs' speeds; gain: of χ²."""
+    """Eq. 5 plus ``size_s`` above a threshold between two runs' speeds; gain in χ²."""
 
     law: LawParameters
     between_mm_s: tuple[float, float]
@@ -29,16 +26,13 @@ class Step:
     gain: float
 
     def thresholds_mm_s(self, count: int = 13) -> FloatArray:
-        """Candidate thresholds, a little beyond both runs, whose speeds vary."""
+        """Candidate thresholds, a little beyond both runs."""
         low, high = self.between_mm_s
         return np.geomspace(0.95 * low, 1.05 * high, count)
 
 
 def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> Step | None:
-    """The best step through the runs' latencies (less what other effects add, (runs,) s), or None.
-
-    Linear amplitudes are solved for all pairs of rates and all thresholds at once.
-    """
+    """Best step through the runs' latencies, if any. less_s: (runs,) what other effects add."""
     rows = [
         (d.estimate.speed_mm_s, d.estimate.latency_s - (0.0 if less_s is None else less_s[k]), d.estimate.curve_se_s)
         for k, d in enumerate(runs)
@@ -70,7 +64,7 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
 
 
 def _solve(columns: FloatArray, latency: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """χ² (g,) and amplitudes (g, p) of g settings; infinite where an amplitude of Eq. 5 is negative."""
+    """χ² (g,), infinite for negative amplitudes of Eq. 5; amplitudes (g, p)."""
     a = columns * weight[None, :, None]
     b = latency * weight
     normal = np.swapaxes(a, 1, 2) @ a

@@ -1,8 +1,4 @@
-"""An intermittent filter in the edges: two levels of latency, whatever switches them.
-
-A two-state hidden Markov model for all sizes of the jump at once: an edge has the run's level or one later by the jump,
-and states last for seconds.
-"""
+"""An intermittent filter in the edges: a hidden Markov model of two latency levels."""
 
 from __future__ import annotations
 
@@ -41,7 +37,7 @@ LEAST_RUNS = 0.5  # of those of steady speed have to have a switch: otherwise it
 
 @dataclass(frozen=True)
 class Switching:
-    """size_s: lateness; on_s: (n, 2) its session times from–to; gain: of penalised deviance."""
+    """Lateness; (n, 2) its session times from–to; gain in penalised deviance."""
 
     size_s: float
     on_s: FloatArray
@@ -49,12 +45,12 @@ class Switching:
 
     @property
     def setting(self) -> Setting:
-        """As a term: its times."""
+        """Setting of the term."""
         return Setting(0.0, By.TIME, tuple(self.on_s.ravel().tolist()))
 
 
 def find_switching(fit: Fit) -> Switching | None:
-    """The best two-level latency through a fit's edges, or None if one level suffices."""
+    """Best two-level latency; None if one level suffices."""
     placed, late_s, sd_s, usable = _latencies(fit)
     edges, steady = [], []
     for k, data in enumerate(fit.runs):
@@ -82,8 +78,7 @@ def find_switching(fit: Fit) -> Switching | None:
 
 
 def refine_times(fit: Fit, size_s: float, setting: Setting) -> Setting:
-    """The times re-estimated with the law of a fit with the switching: a run that never switches shows its level only
-    by it."""
+    """Times re-estimated by the law of a fit with the switching."""
     placed, late_s, sd_s, usable = _latencies(fit)
     late_s = late_s + size_s * within(setting.times_s, placed.since_start_s)
     spans = []
@@ -111,8 +106,7 @@ def later_of(placed: Placed, setting: Setting) -> np.ndarray:
 
 
 def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
-    """Stretches from–to in which edges contradict the filter undone in the traces, on the clock of its times: a missed
-    switch."""
+    """Stretches from–to in which edges contradict a filter undone in the traces, on the clock of its times."""
     placed, late_s, sd_s, usable = _latencies(fit)
     at_s = placed.since_start_s + placed.latency_s
     later = later_of(placed, setting)
@@ -136,10 +130,7 @@ def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
 
 
 def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
-    """Starting law of a refit, through each run's level in a fit with the switching. Raises EstimateError.
-
-    Runs' own estimates mix levels, and a law begun there stays.
-    """
+    """Starting law through each run's level; runs' own estimates mix levels. Raises EstimateError."""
     placed, late_s, _, usable = _latencies(fit)
     less_s = np.zeros(len(fit.runs))
     for k, data in enumerate(fit.runs):
@@ -151,7 +142,7 @@ def law_from_levels(fit: Fit, plateau: bool) -> LawParameters:
 
 
 def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
-    """Placed edges' lateness relative to the fit and its standard deviation, s; whether usable."""
+    """Placed edges, lateness relative to the fit, its standard deviation, whether usable."""
     placed = fit.placed
     lever = fit_lever(fit)
     variance = placed.touch_variance_mm2 + EDGE_MM**2 + (RUN_ERROR_S * lever) ** 2
@@ -165,8 +156,7 @@ def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
 
 
 def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
-    """Edges (m,) away from a switch by time or speed, where positions are averages of both filters' and a trace that
-    stands still or jumps by ``size_s`` shows a wrong speed."""
+    """Edges (m,) away from switches, where positions average both filters and speeds are wrong."""
     if setting.by is By.SPEED:
         unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
         unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
@@ -183,7 +173,7 @@ def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
 
 
 def of_neither(fit: Fit, setting: Setting) -> np.ndarray:
-    """Outlying edges (m,) next to a switch, whose time between two passes is unknown."""
+    """Outlying edges (m,) next to a switch."""
     placed, late_s, _, usable = _latencies(fit)
     out = np.zeros(len(placed), bool)
     for k in range(len(fit.runs)):
@@ -201,17 +191,16 @@ def of_neither(fit: Fit, setting: Setting) -> np.ndarray:
 
 
 def fit_lever(fit: Fit) -> FloatArray:
-    """Change of every placed edge's residual with latency, mm/s."""
+    """Change of placed edges' residuals with latency, mm/s."""
     placed = fit.placed
     across = placed.v_mm_s[:, 1] - fit.geometry.slope * placed.v_mm_s[:, 0]
     return np.asarray(-across * placed.stretch)
 
 
 def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    """Deviance saved by two levels (runs, sizes), and each edge's probability of the later one (runs, sizes, m of the
-    longest run), from times, latencies and standard deviations, s.
+    """Deviance saved (runs, sizes) and probability of the later level (runs, sizes, m of the longest run).
 
-    Runs are padded with uninformative edges, so that all take each step together.
+    runs: times, latencies and their standard deviations.
     """
     longest = max(t_s.size for t_s, _, _ in runs)
     t_s, late_s, sd_s = np.zeros((3, len(runs), longest))
@@ -240,13 +229,12 @@ def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[
 
 
 def _square(z: FloatArray) -> FloatArray:
-    """z², limited so that no single edge decides."""
+    """z², limited."""
     return np.minimum(z**2, 25.0)
 
 
 def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood (...) and posterior of state one (..., m) from log densities (..., m). stay: (..., m − 1)
-    probability that a state lasts until the next edge."""
+    """Log-likelihood (...) and posterior of state one (..., m). stay: (..., m − 1) probability that a state lasts."""
     m = zero.shape[-1]
     top = np.maximum(zero, one)
     density = np.moveaxis(np.stack([np.exp(zero - top), np.exp(one - top)]), -1, 0).copy()
@@ -273,7 +261,7 @@ def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tu
 
 
 def _spans(t_s: FloatArray, later: FloatArray) -> list[tuple[float, float]]:
-    """Session times from–to of the later state, between edges; half a second beyond a run's ends."""
+    """Session times from–to of the later state."""
     on = later > 0.5
     changes = np.flatnonzero(np.diff(on)) + 1
     bounds = [0, *changes.tolist(), t_s.size]

@@ -1,7 +1,4 @@
-"""A tracker of all runs' touch events at once, with two levels of lateness and a switch at any event.
-
-Kalman filters of constant speed and turn; the likeliest few histories of switches are kept (beam search).
-"""
+"""Kalman filter of constant speed and turn with two levels of lateness; beam search over switches."""
 
 from __future__ import annotations
 
@@ -27,8 +24,7 @@ LEAST_WAY_MM = 1.5  # over which a direction is known
 
 @dataclass(frozen=True)
 class Tracks:
-    """Events of all runs, (n, runs): complex positions, turn rate, rad/s; turn and way from one to the next; noise of
-    an event, (runs,)."""
+    """Events of all runs, (n, runs): complex positions, turn rate (rad/s), turn and way to the next; noise (runs,)."""
 
     t_s: FloatArray
     z_mm: np.ndarray
@@ -40,7 +36,7 @@ class Tracks:
 
 
 def stack_runs(runs: Sequence[RunData]) -> Tracks:
-    """The runs padded to the longest with events of no weight."""
+    """Runs padded to the longest with events of no weight."""
     n = max(data.t_s.size for data in runs)
     shape = n, len(runs)
     t_s, z_mm, live, rate = np.zeros(shape), np.zeros(shape, complex), np.zeros(shape, bool), np.zeros(shape)
@@ -55,14 +51,14 @@ def stack_runs(runs: Sequence[RunData]) -> Tracks:
 
 
 def _way_s(rate: FloatArray, apart_s: FloatArray | float) -> np.ndarray:
-    """Way over velocity, at constant speed and turn."""
+    """Way over velocity."""
     angle = rate * apart_s
     small = np.abs(angle) < 1e-6
     return np.asarray(apart_s * np.where(small, 1.0, np.expm1(1j * angle) / np.where(small, 1.0, 1j * angle)))
 
 
 def _turn_rate(t_s: FloatArray, z_mm: np.ndarray) -> FloatArray:
-    """Turn rate, (n,) rad/s, over windows that a skip does not change; 0 where unknown."""
+    """Turn rate, (n,) rad/s; 0 where unknown."""
     first = np.searchsorted(t_s, t_s - TURN_S)
     last = np.minimum(np.searchsorted(t_s, t_s + TURN_S), t_s.size - 1)
     before, after = z_mm - z_mm[first], z_mm[last] - z_mm
@@ -75,11 +71,9 @@ def _turn_rate(t_s: FloatArray, z_mm: np.ndarray) -> FloatArray:
 def track_histories(
     tracks: Tracks, size_s: float, unsteady: FloatArray, switch: float, histories: int
 ) -> tuple[FloatArray, np.ndarray, FloatArray]:
-    """Log-likelihood (runs, g) of the likeliest history, its states (n, runs, g), and its squared innovations (n − 1,
-    runs, g).
+    """Likeliest history: log-likelihood (runs, g), states (n, runs, g), squared innovations (n − 1, runs, g).
 
-    Args:
-        size_s: lateness of the later state. unsteady: (runs, g) mm²/s³. switch: cost of a switch.
+    size_s: lateness. unsteady: (runs, g) power of a random acceleration, mm²/s³. switch: cost of one.
     """
     n, runs = tracks.t_s.shape
     shape = runs, unsteady.shape[1], histories
@@ -119,7 +113,7 @@ def track_histories(
 
 
 def _shown_velocity(tracks: Tracks) -> np.ndarray:
-    """Initial velocities, (n − 1, runs) mm/s, hardly changed by one skip."""
+    """Initial velocities, (n − 1, runs) mm/s."""
     event = np.arange(1, tracks.t_s.shape[0])
     first = np.minimum(np.maximum(event - LOST, 0), tracks.t_s.shape[0] - 1 - LOST)
     last = np.maximum(event, LOST)
@@ -128,8 +122,7 @@ def _shown_velocity(tracks: Tracks) -> np.ndarray:
 
 
 def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
-    """Gains of position and velocity, variance of an innovation (both axes), (n − 1, 3, runs, g); positions do not
-    matter."""
+    """Gains of position and velocity, variance of an innovation; (n − 1, 3, runs, g)."""
     noise = np.broadcast_to(2 * tracks.noise_mm2[:, None], unsteady.shape)
     power = 2 * unsteady
     pp, pv, vv = noise, np.zeros(unsteady.shape), np.full(unsteady.shape, 1e5)
@@ -147,7 +140,7 @@ def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
 
 
 def _history(parents: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """States of the history that leads at the end, (n, runs, g)."""
+    """States of the best history, (n, runs, g)."""
     out = np.empty((parents.shape[0] + 1, *parents.shape[1:3]), bool)
     at = np.zeros((*parents.shape[1:3], 1), np.int64)
     for i in range(parents.shape[0] - 1, -1, -1):

@@ -1,4 +1,4 @@
-"""The digitiser's averaging cuts corners."""
+"""The digitiser's averaging shrinks curved paths."""
 
 from __future__ import annotations
 
@@ -27,8 +27,6 @@ SECOND_MOMENTS = (1 / 3, 0.5, 1.0)
 
 @dataclass(frozen=True)
 class SmoothingShrink(Effect):
-    """The digitiser's averaging cuts corners."""
-
     id: ClassVar[str] = "smoothing_shrink"
     title: ClassVar[str] = "smoothing that shrinks"
     meaning: ClassVar[str] = (
@@ -55,7 +53,7 @@ class SmoothingShrink(Effect):
         return 2 * self.value
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
-        """A first-order low-pass both ways: the gain of the full time constant, no delay."""
+        """Zero-phase low-pass with the gain of the full time constant."""
         one_way = self.value / np.sqrt(2)
         if one_way == 0:
             return x_mm, y_mm
@@ -78,12 +76,12 @@ class SmoothingShrink(Effect):
 
     @classmethod
     def columns_at(cls, theta: Theta, view: View) -> tuple[Signature, ...]:
-        """What shrinks is half of the kernel's second moment, whatever low-pass has this delay."""
+        """Half the kernel's second moment times the acceleration, for each low-pass of this delay."""
         return tuple(bent(view, 0.5 * share * theta[0], theta=theta) for share in SECOND_MOMENTS)
 
     @classmethod
     def with_taps(cls, parameters: Parameters, value: float, ci95: tuple[float, float]) -> Parameters | None:
-        """Drags wait for the filter and taps need not: they lie apart by its time constant, or by less."""
+        """Parameters, unless taps contradict the time constant."""
         _, (low, high) = parameters[cls.parameters[0].name]
         return parameters if low <= ci95[1] and ci95[0] <= high else None
 
@@ -94,7 +92,7 @@ class SmoothingShrink(Effect):
 
     @classmethod
     def speed_delay(cls, theta: Theta) -> tuple[float, float] | None:
-        """Behind a causal low-pass the law is of the stylus' speed by then."""
+        """A time constant later behind a causal low-pass."""
         setting = Setting.of(theta)
         return None if setting is None or setting.even else (0.0, -setting.lag_s)
 
@@ -105,14 +103,14 @@ class SmoothingShrink(Effect):
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """A term's size is the time constant's square."""
+        """Time constant, whose square is the size."""
         lowest, size, highest = (found.sizes[0] + s * Z95 * found.se[0] for s in (-1, 0, 1))
         low, lag, high = (float(np.sqrt(max(square, 0.0))) for square in (lowest, size, highest))
         return {cls.parameters[0].name: (lag, (low, high))}
 
     @classmethod
     def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:
-        """A symmetric low-pass is the class itself."""
+        """None if symmetric, as the class itself."""
         setting = Setting.of(term.theta)
         if setting is None or setting.even:
             return None

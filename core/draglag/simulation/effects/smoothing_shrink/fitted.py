@@ -1,4 +1,4 @@
-"""A causal low-pass, as fitted."""
+"""A fitted causal low-pass."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from draglag.simulation.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class CausalWindow(FittedShape):
-    """value: its time constant, s."""
+    """value: time constant, s."""
 
     def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
-        """The stylus' speed by the time of the low-pass' output."""
+        """Speed a time constant later."""
         t = k.motion.t_s
         return np.interp(t + self.value, t, speed_mm_s)
 
@@ -26,7 +26,7 @@ class CausalWindow(FittedShape):
 
 
 def low_passed(position_mm: FloatArray, time_constant_s: float, step_s: float) -> FloatArray:
-    """A path (n,) after a causal first-order low-pass, its delay at rest compensated."""
+    """Path (n,) after a causal first-order low-pass, its delay compensated."""
     if time_constant_s <= 0:
         return position_mm
     keep = float(np.exp(-step_s / time_constant_s))

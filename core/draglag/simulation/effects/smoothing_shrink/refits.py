@@ -1,4 +1,4 @@
-"""A low-pass: its mean effect on the edges, and traces freed of it."""
+"""Refits of a low-pass."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROUNDS = 4
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Its mean effect, and traces freed of either kind at the edges' time constant."""
+    """Refits of its column, and of traces freed of a causal and of a symmetric one."""
     own = SmoothingShrink.id
     mean = refit(session, before, [*before.terms, Term(own, theta)])
     if mean is None:

@@ -1,4 +1,4 @@
-"""A trace freed of a low-pass."""
+"""Undoing of a low-pass in traces."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ SOME = 50  # events of a run by which the flattening of its circles is known: th
 
 @dataclass(frozen=True)
 class Setting:
-    """lag_s: time constant undone in the traces. even: of a symmetric low-pass, not a causal one."""
+    """lag_s: time constant. even: symmetric, not causal."""
 
     lag_s: float
     even: bool = False
 
     @classmethod
     def of(cls, theta: tuple[float, ...]) -> Setting | None:
-        """The setting of a term; None for the mean effect of any low-pass on the edges."""
+        """Setting of a term; None if nothing is undone."""
         return cls(theta[0], len(theta) > 1) if theta else None
 
     @property
@@ -38,7 +38,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Sharpening:
-    """What a low-pass did to the traces, to be undone there."""
+    """Undoing of a low-pass."""
 
     setting: Setting
 
@@ -55,10 +55,9 @@ class Sharpening:
 def _sharpened(
     t_s: FloatArray, xy_mm: FloatArray, lag_s: float, half_width_s: float, even: bool
 ) -> tuple[FloatArray, FloatArray, csr_matrix]:
-    """A trace before a low-pass whose delay at rest is the law's, and each event's weight (columns) in those left
-    (rows).
+    """Trace before a low-pass, and weights of events (columns) in those left (rows).
 
-    Causal, first order: u = y + τ ẏ, stamped τ later. Even, with a pure delay, as a moving average: u = y − ½ τ² ÿ.
+    Causal: u = y + τ ẏ, stamped τ later. Even: u = y − ½ τ² ÿ.
     """
     fit = local_fit(t_s, xy_mm, t_s, half_width_s)
     weights = -0.5 * lag_s**2 * fit.by_event.acceleration if even else lag_s * fit.by_event.velocity
@@ -68,8 +67,7 @@ def _sharpened(
 
 
 def _gain(fit: LocalFit, t_s: FloatArray, even: bool) -> float:
-    """Share of velocity, or acceleration (``even``), kept by local fits: wide windows flatten a quick circle by
-    percents."""
+    """Share of a circle's velocity, or acceleration (``even``), that local fits keep."""
     v, judged = (fit.v_mm_s @ [1, 1j])[fit.ok], np.flatnonzero(fit.ok)
     if v.size < 2:
         return 1.0

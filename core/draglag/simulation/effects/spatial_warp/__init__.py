@@ -27,7 +27,7 @@ BEND_UNKNOWN = 0.3  # of a polynomial's amplitude, either way
 
 
 class Setting(NamedTuple):
-    """cycles: of a wave over the panel, in half turns; 0: a polynomial of this degree, whose square has no mean."""
+    """cycles: of a wave over the panel's width; 0: a polynomial of this degree."""
 
     cycles: float = 0.0
     degree: float = max(DEGREES)
@@ -35,8 +35,6 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class SpatialWarp(Effect):
-    """The panel's coordinates are bent."""
-
     id: ClassVar[str] = "spatial_warp"
     meaning: ClassVar[str] = (
         "Reported heights are bent along the panel by a smooth quadratic: this much at its left and "
@@ -82,7 +80,7 @@ class SpatialWarp(Effect):
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """The amplitude over the panel, of a wave or a polynomial."""
+        """Amplitude over the panel."""
         sizes, x = found.sizes, found.fit.view.panel_x
         if Setting(*found.term.theta).cycles > 0:
             amplitude, reach = float(np.hypot(*sizes[:2])), Z95 * float(np.max(found.se[:2]))
@@ -96,10 +94,8 @@ class SpatialWarp(Effect):
 
     @classmethod
     def _amplitudes_alike(cls, found: FittedTerm) -> list[tuple[float, float]]:
-        """Intervals of the amplitude for every number of cycles not excluded by the edges.
-
-        Runs on a part of the panel do not separate wide from narrow waves of very different amplitudes.
-        """
+        """Amplitude intervals of all waves that the edges do not exclude; runs on a part of the panel hardly separate
+        them."""
         fit, own = found.fit, found.own
         waves = [cls.signature_at((float(cycles),), fit.view).columns(fit.view) for cycles in CYCLES]
         others = np.delete(fit.design, own, axis=1)
@@ -130,5 +126,5 @@ class SpatialWarp(Effect):
 
 
 def _wave(setting: Setting, x: FloatArray) -> FloatArray:
-    """Sine and cosine at places x (m,) of the panel, −1 … +1, (m, 2)."""
+    """Sine and cosine at x (m,), −1 … +1; (m, 2)."""
     return np.column_stack([f(setting.cycles * np.pi * x) for f in (np.sin, np.cos)])

@@ -1,4 +1,4 @@
-"""A bend of the panel's coordinates as fitted: a wave, or a polynomial."""
+"""A fitted bend of the panel's coordinates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from draglag.simulation.kinematics import Kinematics
 
 @dataclass(frozen=True)
 class FittedBend(FittedShape):
-    """sizes: of sine and cosine, or of the powers from the square on, mm."""
+    """sizes, mm: of sine and cosine, or of powers from the square on."""
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         u = 2 * k.motion.x_mm / k.width_mm - 1

@@ -1,4 +1,4 @@
-"""The digitiser or the host smooths less the faster the stylus moves: the 1 euro filter."""
+"""The 1 euro filter: smooths less the faster the stylus moves."""
 
 from __future__ import annotations
 
@@ -39,8 +39,6 @@ HELD = 1e-3  # of a parameter's logarithm in a fit: its columns hold next to a s
 
 @dataclass(frozen=True)
 class SpeedAdaptiveFilter(Effect):
-    """The digitiser or the host smooths less the faster the stylus moves: the 1 euro filter."""
-
     id: ClassVar[str] = "speed_adaptive_filter"
     title: ClassVar[str] = "speed-adaptive filter"
     meaning: ClassVar[str] = (
@@ -86,13 +84,13 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def curve_extra_s(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray | float:
-        """Its delay at a constant speed along a straight line."""
+        """Delay at constant speed on a straight line."""
         fmin_hz, beta_per_mm = (parameters.get(spec.name, spec.typical) for spec in cls.parameters)
         return 1 / (2 * np.pi * (fmin_hz + beta_per_mm * speed_mm_s))
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        """What the law cannot hold of it, to second order in its delay: smoothed speed and shrunk path."""
+        """Smoothed speed and shrunk path, to second order in the delay."""
         each = []
         for setting in SETTINGS:
             delay_s, _ = _delays_s(view, setting)
@@ -101,10 +99,8 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def signature_at(cls, theta: Theta, view: View) -> Signature:
-        """What remains in a trace freed of it at the setting, by the logarithms of both parameters.
-
-        From smoothed speeds: an edge's own lag behind the raw position has the edge's noise.
-        """
+        """Columns of both parameters' logarithms in a freed trace, from smoothed speeds: single events add the edge's
+        noise."""
         delay_s, at_rest = _delays_s(view, Setting(*theta[:2]))
         less_s = -delay_s[:, None] * np.column_stack([at_rest, 1 - at_rest])
         return Signature(less_s, less_s * (delay_s * view.a_across)[:, None], theta)
@@ -117,12 +113,12 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
-        """To first order: a change of all of the cut-off is all of the filter."""
+        """Sizes plus 1, the whole cut-off, to first order."""
         return np.array(term.sizes) + 1.0
 
     @classmethod
     def log_prior_of(cls, theta: Theta) -> float:
-        """Of the setting among screens', times the share left by the edges (Laplace's approximation)."""
+        """Log prior among screens, times the share left by the edges (Laplace's approximation)."""
         setting = Setting(*theta)
         off = setting.logs_from(USUAL) / OF_SCREENS_SD
         left = np.maximum(setting.unsure, LEAST_UNSURE) / OF_SCREENS_SD
@@ -130,7 +126,7 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def parameters_in(cls, found: FittedTerm) -> Parameters:
-        """The setting, and how surely the edges know it."""
+        """Setting with its intervals."""
         setting = Setting(*found.term.theta)
         reach = np.exp(np.minimum(Z95 * np.hypot(setting.unsure, SMOOTHER_SD), MOST_UNKNOWN))
         return {
@@ -144,7 +140,7 @@ def _one_contact(t_s: FloatArray) -> np.ndarray:
 
 
 def _delays_s(view: View, setting: Setting) -> tuple[FloatArray, FloatArray]:
-    """The filter's delay at every edge, (m,) s, and the share of the cut-off that is the one at rest, (m,)."""
+    """Delay at each edge, and the share at rest of the cut-off; (m,)."""
     traces = view.averaged
     cut_off = cut_off_hz(traces.t_s, traces.xy_mm, setting, first_of_contact(traces.t_s))
     delay_s = np.asarray(traces.rows @ (1 / (2 * np.pi * cut_off)))

@@ -1,7 +1,7 @@
-"""The 1 euro filter and its inverse, for many events at once.
+"""The 1 euro filter (Casiez et al. 2012) and its inverse.
 
-y_i = y_{i-1} + g_i (x_i − y_{i-1}), gain g_i by the cut-off fmin + β |v_i|, v the velocity of the raw positions behind
-a low-pass of 1 Hz (Casiez et al. 2012). Each recursion is solved as a bidiagonal linear system.
+y_i = y_{i-1} + g_i (x_i − y_{i-1}), gain g_i by the cut-off fmin + β |v_i|, v the raw velocity behind a low-pass of 1
+Hz.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ MOST_ROUNDS = 60  # twice what the fastest circles behind the slowest filter nee
 
 
 class Setting(NamedTuple):
-    """Cut-off at rest, Hz, and its rise with speed, Hz per mm/s; of a fit also the standard deviations of both
-    logarithms."""
+    """Cut-off at rest and its rise with speed; in a fit also standard deviations of their logarithms."""
 
     fmin_hz: float
     beta_per_mm: float
@@ -37,22 +36,19 @@ class Setting(NamedTuple):
         return np.log([self.fmin_hz / other.fmin_hz, self.beta_per_mm / other.beta_per_mm])
 
     def moved(self, logs: FloatArray) -> Setting:
-        """The setting changed by (2,) in the logarithms."""
+        """Setting changed by (2,) in the logarithms."""
         return Setting(self.fmin_hz * float(np.exp(logs[0])), self.beta_per_mm * float(np.exp(logs[1])))
 
 
 def filtered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
-    """Positions (n, 2) behind the filter, of raw ones (n, 2). begins: (n,) events with which a contact begins."""
+    """Filtered positions (n, 2). begins: (n,) first events of contacts."""
     turn = _turns(t_s, xy_mm, setting, begins)
     gain = np.where(begins, 1.0, turn / (1 + turn))
     return recursion(1 - gain, gain[:, None] * xy_mm)
 
 
 def unfiltered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
-    """Raw positions (n, 2) of filtered ones (n, 2), by fixed-point iteration over the filter's velocity.
-
-    Noise from before the filter is restored; noise added behind it, as by rounding, grows by 1 / gain.
-    """
+    """Raw positions (n, 2) of filtered ones; noise added behind the filter, as by rounding, grows by 1 / gain."""
     before = np.vstack([xy_mm[:1], xy_mm[:-1]])
     steps = np.where(begins[:, None], 0.0, xy_mm - before)
     raw = xy_mm
@@ -66,7 +62,7 @@ def unfiltered(t_s: FloatArray, xy_mm: FloatArray, setting: Setting, begins: np.
 
 
 def cut_off_hz(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
-    """The filter's cut-off at every event, (n,) Hz."""
+    """Cut-off at each event, (n,)."""
     step_s = _steps_s(t_s)
     turn = 2 * np.pi * DERIVATIVE_HZ * step_s
     keep = np.where(begins, 1.0, turn / (1 + turn))
@@ -76,7 +72,7 @@ def cut_off_hz(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np
 
 
 def _turns(t_s: FloatArray, raw_mm: FloatArray, setting: Setting, begins: np.ndarray) -> FloatArray:
-    """2π times cut-off and time step: gain / (1 − gain), (n,)."""
+    """Gain / (1 − gain), (n,)."""
     return np.asarray(2 * np.pi * _steps_s(t_s) * cut_off_hz(t_s, raw_mm, setting, begins))
 
 

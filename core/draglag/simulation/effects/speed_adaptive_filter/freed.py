@@ -1,4 +1,4 @@
-"""A trace freed of a 1 euro filter."""
+"""Undoing of a 1 euro filter in traces."""
 
 from __future__ import annotations
 
@@ -23,10 +23,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Unfiltered:
-    """The path before a filter: what is shown plus the filter's time constant times its velocity.
-
-    By local fits: the recursion's own inverse differences single events and amplifies noise 2 to 20 times.
-    """
+    """Shown position plus time constant times locally fitted velocity; the exact inverse amplifies noise up to 20
+    times."""
 
     setting: Setting
 

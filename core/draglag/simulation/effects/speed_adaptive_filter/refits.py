@@ -1,4 +1,4 @@
-"""Traces freed of a speed-adaptive filter at the edges' setting."""
+"""Refit of a speed-adaptive filter."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ BACK = 0.3  # of a step that went too far
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Traces freed of it, from the usual filter to the likeliest; its columns are too rough to begin from."""
+    """Refit of traces freed of the likeliest filter, if likelier than without; begun at the usual one."""
     setting, law = USUAL, _law_without(before, USUAL)
     best: Fit | None = None
     step = unsure = np.zeros(2)
@@ -55,8 +55,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Changes of both logarithms that the edges ask for, all else adjusted, (2,), and their standard deviations, (2,);
-    prior: other screens. The filter's term is the last."""
+    """Step (2,) of both logarithms by edges and prior, and standard deviations (2,). The filter's term is the last."""
     white, prior, own = fit.white, fit.prior.copy(), slice(-2, None)
     prior[own] = OF_SCREENS_SD**-2
     a, b = white.apply(np.column_stack([fit.design[:, :-2], _columns(fit)])), white.apply(fit.residual_mm)
@@ -67,8 +66,7 @@ def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
 
 
 def _columns(fit: Fit) -> FloatArray:
-    """Displacement of the edges per unit of each logarithm, (m, 2) mm, event by event: with their noise, which the
-    effect's own columns must not have."""
+    """Displacement per unit of each logarithm, (m, 2) mm, from single events with their noise."""
     traces, setting = fit.view.averaged, Setting(*fit.terms[-1].theta[:2])
     first = first_of_contact(traces.t_s)
     behind_mm = traces.xy_mm[:, 1] - filtered(traces.t_s, traces.xy_mm, setting, first)[:, 1]
@@ -81,13 +79,13 @@ def _with_setting(fit: Fit, setting: Setting) -> Fit:
 
 
 def _worse(fit: Fit, before: Fit) -> bool:
-    """Whether edges lie farther off than without the filter, or than before."""
+    """Whether edges are less likely than before."""
     both = fit.use & before.use
     return log_likelihood_on(fit, both) < log_likelihood_on(before, both)
 
 
 def _law_without(before: Fit, setting: Setting) -> LawParameters | None:
-    """Eq. 5 through the runs' latencies, each less the filter's mean delay."""
+    """Eq. 5 through latencies less the filter's mean delay."""
     try:
         return starting_law(before.runs, _mean_delays_s(before, setting), False)
     except EstimateError:
@@ -95,7 +93,7 @@ def _law_without(before: Fit, setting: Setting) -> LawParameters | None:
 
 
 def _mean_delays_s(before: Fit, setting: Setting) -> FloatArray:
-    """The filter's mean delay at each run's edges, (runs,) s."""
+    """Mean delay at each run's edges, (runs,)."""
     out = np.zeros(len(before.runs))
     for k, data in enumerate(as_shown(before.runs)):
         cut_off = cut_off_hz(data.t_s, data.xy_mm, setting, first_of_contact(data.t_s))

@@ -12,8 +12,6 @@ from draglag.simulation.effects.base import Confounder, Effect, Parameter, Touch
 
 @dataclass(frozen=True)
 class TimestampQuantisation(Effect):
-    """Touch stamps are coarse."""
-
     id: ClassVar[str] = "timestamp_quantisation"
     title: ClassVar[str] = "coarse time stamps"
     meaning: ClassVar[str] = "The stamps of touch events are rounded up to a multiple of a quantum."

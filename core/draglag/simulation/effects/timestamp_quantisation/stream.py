@@ -1,4 +1,4 @@
-"""Stamps rounded by a coarse clock."""
+"""Detector of stamps rounded by a coarse clock."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ EXACT = 2e-3  # of a tick: stamps are written to 1 µs; frames of the sample ses
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """A coarse clock, and runs with the stamps of an even one."""
+    """Coarse clock, and runs with stamps of an even one."""
     coarse = streams.of(clock_in)
     return coarse, runs if coarse is None else tuple(replace(r, touch=evened(r.touch, coarse.value)) for r in runs)
 
 
 def clock_in(streams: Streams) -> StreamEffect | None:
-    """A grid of stamps that is neither polling's nor batches'."""
+    """Coarse clock, unless by polls or batches."""
     other = streams.of(polls_in) is not None or streams.of(batches_in) is not None
     return None if other else coarse_clock(streams.touches)
 
 
 def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
-    """A coarse clock: stamps are multiples of one quantum while the intervals vary."""
+    """Coarse clock: stamps are multiples of a quantum while intervals vary."""
     intervals = np.concatenate([np.diff(t.t_s) for t in touches])
     rounded = np.round(intervals, 7)
     least = max(20, 5e-4 * intervals.size)
@@ -76,8 +76,7 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
 
 
 def _reaches_further(touches: list[TouchTrace]) -> float:
-    """How much further the stylus goes in longer intervals: 1 with missing frames, 0 with coarse stamps; median over
-    fast enough runs, 0 without any."""
+    """Extra way in longer intervals: 1 with missing frames, 0 with coarse stamps; median over fast runs."""
     shares = []
     for touch in touches:
         dt = np.diff(touch.t_s)
@@ -92,7 +91,7 @@ def _reaches_further(touches: list[TouchTrace]) -> float:
 
 
 def evened(touch: TouchTrace, quantum_s: float) -> TouchTrace:
-    """The trace with stamps of an even frame clock: frames counted, the stamps' slow course kept."""
+    """Trace with stamps of an even frame clock, their slow course kept."""
     t = touch.t_s
     if t.size < 100:
         return touch
