@@ -1,7 +1,4 @@
-"""Find where model and measurement differ, name the cause, add it, see the gap shrink.
-
-``close_gap`` is the whole workflow; ``Model``, ``find``, ``name`` and ``shrinkage`` are its steps.
-"""
+"""Closing the gap between model and measurement: ``close_gap``, or by hand ``find``, ``name`` and ``shrinkage``."""
 
 from draglag.gap.compose import Gap, Model, Shrinkage, find, name, shrinkage
 from draglag.gap.results import GapReport, Step

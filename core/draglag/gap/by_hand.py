@@ -32,10 +32,9 @@ OF_THE_STREAMS = (STALLS_FOLLOW, "host_tick")  # detected before any fit, which 
 
 @one_blas_thread
 def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
-    """The report with one more effect, refitted jointly and compared with all earlier explanations, whether or not it
-    shrinks the gap.
+    """Report with one more effect, whether or not it shrinks the gap.
 
-    Raises DataError for an effect that cannot be added, EstimateError when the model cannot be fitted with it.
+    Raises DataError for an effect that cannot be added, EstimateError if the model cannot be fitted with it.
     """
     before = report.last
     if before is None or report.judgement is None:
@@ -113,7 +112,7 @@ def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) ->
 
 
 def _left(report: GapReport, fit: Fit, unsure_ages: bool, changed: Shrinkage) -> str | None:
-    """The covariate of the gap that remains, or None."""
+    """Covariate of the gap that remains, if any."""
     given = answer_of(compared([fit], frozenset(EFFECTS), unsure_ages))
     if given.unexplained_by is not None:
         return given.unexplained_by

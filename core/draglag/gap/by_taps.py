@@ -1,7 +1,4 @@
-"""What taps identify and edges cannot: an offset of the laser's clock, a drift of clock or latency.
-
-Taps do not use that clock: on a sound rig their release latency is the curve's asymptote.
-"""
+"""What taps identify and edges cannot: an offset of the laser's clock, a drift of clock or latency."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ AT_AN_END = 0.3  # of the time over which taps were made
 
 @dataclass(frozen=True)
 class Offset:
-    """Offset of releases from the asymptote: value and 95 % interval, s, and posterior probability."""
+    """Offset of releases from the asymptote."""
 
     value_s: float
     ci95_s: tuple[float, float]
@@ -50,12 +47,10 @@ def clock_offset(
     p_any_form: float = 0.0,
     early: tuple[float, float] = (0.0, 0.0),
 ) -> Offset | None:
-    """Offset of releases from the curve's end; None with fewer than 15.
+    """Offset of releases from the curve's end; None with few.
 
-    effects: named ones, whose influence on taps is subtracted. held_s: half of the longest wait of only taps or only
-    drags, s.
-    p_any_form: probability of an unknown form of the curve. early: known lead of drags relative to taps and its
-    standard deviation, s.
+    effects: their influence on taps is subtracted. held_s: half of the longest wait of only taps or only drags.
+    p_any_form: probability of an unknown form of the curve. early: known lead of drags, and its standard deviation, s.
     """
     if session.taps is None:
         return None
@@ -74,10 +69,7 @@ def clock_offset(
 def shares_by_edges(
     pool: Pool, fit: Fit, moved_mm: Mapping[str, Sequence[FloatArray]]
 ) -> tuple[dict[str, FloatArray], dict[str, float]]:
-    """The likeliest alternative and the probability of each effect, among those that taps show alike.
-
-    moved_mm: effect → equally probable alternatives, shifts of the edges, (m,) mm.
-    """
+    """Likeliest shift and probability of each effect, by the edges. moved_mm: effect → equally probable shifts (m,)."""
     linear = linearised(fit, frozenset(), pool.unsure_ages)
     levels = likeliest_levels(linear)
     likeliest, evidence = {}, {}
@@ -90,10 +82,9 @@ def shares_by_edges(
 
 @dataclass(frozen=True)
 class Ends:
-    """Ends of the curve beyond the fastest drag, relative to the fitted asymptote, s.
+    """Ends of the curve relative to the fitted asymptote.
 
-    Attributes: at_s, weights: (k,) ends and Akaike weights of known forms. variance: of releases, s². any_s, p_any:
-    range and probability of an unknown form.
+    at_s, weights: (k,) of known forms (Akaike). variance: of releases, s². any_s, p_any: of an unknown form.
     """
 
     at_s: FloatArray
@@ -103,15 +94,14 @@ class Ends:
     p_any: float
 
     def densities(self, off_s: float, sd_s: float) -> tuple[FloatArray, float]:
-        """Density of releases at ``off_s`` with each known form, (k,) 1/s, and with an unknown one, times the forms'
-        probabilities. sd_s: of releases about an end."""
+        """Densities of releases, 1/s, times the forms' probabilities: known (k,), unknown. sd_s: about an end."""
         low, high = self.any_s
         inside = float(norm.cdf(high, off_s, sd_s) - norm.cdf(low, off_s, sd_s))
         known = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, sd_s)
         return np.asarray(known), self.p_any * inside / (high - low)
 
     def with_and_without(self, off_s: float) -> tuple[float, float]:
-        """Joint densities of releases at ``off_s`` and a clock with an offset of interest, and one without, 1/s."""
+        """Joint densities of releases and a clock with, and without, an offset of interest, 1/s."""
         out = []
         for p, slab_sd_s in ((P_EFFECT, OFFSET_SD_S), (1 - P_EFFECT, 0.0)):
             known, unknown = self.densities(off_s, float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2)))
@@ -119,11 +109,11 @@ class Ends:
         return out[0], out[1]
 
     def log_density(self, off_s: float) -> float:
-        """Log density, mixed over clocks with and without an offset."""
+        """Log density, with or without an offset."""
         return float(np.log(sum(self.with_and_without(off_s))))
 
     def offset(self, off_s: float) -> Offset:
-        """Posterior mean, 95 % interval and probability of an offset, given releases at ``off_s``."""
+        """Posterior of an offset, given releases at ``off_s``."""
         with_it, without = self.with_and_without(off_s)
         known, unknown = self.densities(off_s, float(np.sqrt(self.variance + OFFSET_SD_S**2)))
         sizes_s, sd_s, (low, high) = off_s - self.at_s, np.sqrt(self.variance), self.any_s
@@ -159,7 +149,7 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
 
 
 def _latencies_s(fit: Fit) -> FloatArray:
-    """Latency of each run without the found effects, (runs,) s; nan without edges."""
+    """Latency of each run without effects, (runs,); NaN without edges."""
     lever = fit.view.v_across * fit.view.stretch
     out = np.full(len(fit.runs), np.nan)
     for k in np.unique(fit.run_index):
@@ -171,7 +161,7 @@ def _latencies_s(fit: Fit) -> FloatArray:
 
 @dataclass(frozen=True)
 class Creep:
-    """Probabilities (id → share) of effects that only taps distinguish."""
+    """Probabilities of effects that only taps distinguish."""
 
     shares: dict[str, float]
     evidence: str
@@ -182,10 +172,7 @@ class Creep:
 
 
 def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form: float = 0.0) -> Creep:
-    """Probabilities of effects that drift alike on the edges, by the drift of the taps.
-
-    effects: of fitted sizes.
-    """
+    """Probabilities of effects, of fitted sizes, that drift alike on the edges."""
     even = {effect.id: 1 / len(effects) for effect in effects}
     if session.taps is None:
         return Creep(even, "no taps to distinguish a clock from a latency")
@@ -206,7 +193,7 @@ def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form
 def _by_level(
     session: Session, fit: Fit, effects: tuple[Effect, ...], even: dict[str, float], p_any_form: float
 ) -> Creep:
-    """The same from taps at one end of the session."""
+    """``creep_of`` by taps at one end of the session."""
     assert session.taps is not None
     summary = summarise_taps(session.taps).get("release")
     if summary is None or summary.n < FEWEST:
@@ -229,9 +216,7 @@ def _shares(log_odds: dict[str, float]) -> dict[str, float]:
 
 
 def _ends(taps: Taps, origin_s: float) -> tuple[FloatArray, FloatArray, float] | None:
-    """Times and levels of the taps at both ends of the session, s, and the variance of the levels' difference, s²;
-    None for taps at one end only.
-    """
+    """Times and levels of taps at both ends of the session, and variance of the levels' difference, if at both."""
     latency_s = taps.registered_s - taps.physical_s
     good = np.isfinite(latency_s) & (latency_s >= 0) & (latency_s <= LONGEST_S)
     at_s, latency_s, down = taps.registered_s[good] - origin_s, latency_s[good], taps.down[good]

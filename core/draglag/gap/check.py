@@ -1,8 +1,4 @@
-"""Posterior predictive check: the session simulated again with the measured hand and the final model.
-
-It compares stylus width, scatter of edges and repeated positions. The latency of runs decides nothing: the law was
-fitted to it.
-"""
+"""Posterior predictive check by stylus width, scatter of edges and repeated positions."""
 
 from __future__ import annotations
 
@@ -32,10 +28,7 @@ LATENCY, REPEATS = "latency by run", "repeated positions"
 
 
 def checked(session: Session, report: GapReport) -> GapReport:
-    """The report with its predictive check; ``unexplained`` where a statistic disagrees.
-
-    Where repeated positions disagree, effects read off the streams are removed. Where the latency disagrees or the
-    simulation fails, the hand's motion could not be recovered and the verdict stays.
+    """Report with its predictive check. Where latency disagrees or the simulation fails, the verdict stays.
 
     session: as measured, without excluded runs.
     """
@@ -63,10 +56,7 @@ def checked(session: Session, report: GapReport) -> GapReport:
 
 
 def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...]:
-    """Statistics that both the measured session and its simulation have.
-
-    session: measured, streams unrepaired.
-    """
+    """Statistics of the measured session, streams unrepaired, and of its simulation."""
     both = [
         (one.measured, one.simulated) for one in again.runs if one.measured is not None and one.simulated is not None
     ]
@@ -75,7 +65,7 @@ def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...
 
 
 def _latency(again: Replay) -> Statistic | None:
-    """RMS of the latency difference times speed, mm, and what the errors would leave of it."""
+    """RMS of the latency difference times speed, and what errors leave of it."""
     rows = again.latencies_ms()
     if len(rows) < FEWEST_RUNS:
         return None
@@ -115,7 +105,7 @@ def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _repeats(session: Session, again: Session) -> Statistic | None:
-    """Share of repeats, the simulated positions rounded as measured."""
+    """Share of repeats, simulated positions rounded as measured."""
     own = [run.touch for run in session.runs if run.touch.t_s.size > 1]
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:

@@ -1,11 +1,4 @@
-"""The workflow's four verbs, to be put together by hand: find, name, add, shrink.
-
-model = Model()                                    # Eq. 5 and a beam
-gap = find(session, model)                         # where session and model disagree
-names = name(gap)                                  # effects that explain it, best first
-better = find(session, gap.model.with_effect(names[0].effect))
-shrinkage(gap, better)                             # by how much the gap on held-out runs shrank, and its interval
-"""
+"""The workflow's verbs for use by hand: ``find``, ``name``, ``Model.with_effect``, ``shrinkage``."""
 
 from __future__ import annotations
 
@@ -42,16 +35,16 @@ from draglag.system.blas import one_blas_thread
 
 
 def shown_by_streams(effect_id: str) -> bool:
-    """Whether the effect is repaired in the streams instead of fitted to edges."""
+    """Whether the effect is repaired in streams, not fitted to edges."""
     return effect_class(effect_id).undone_in == "stream"
 
 
 @dataclass(frozen=True)
 class Model:
-    """A law, a beam and effects, to be compared with a session.
+    """Law, beam and effects.
 
-    Attributes: effects: ids of fitted effects. held: id → parameters of known effects, removed from the session. law,
-    geometry, terms: of the last fit, None and empty before. of: the session fitted.
+    Attributes: effects: ids, fitted. held: id → parameters of known effects, removed from the session. law, geometry,
+    terms: of the last fit. of: the session fitted.
     """
 
     effects: tuple[str, ...] = ()
@@ -63,10 +56,9 @@ class Model:
     of: tuple[object, ...] = field(default=(), repr=False, compare=False)
 
     def with_effect(self, effect_id: str, values: Mapping[str, float] | None = None) -> Model:
-        """The model with one more effect, fitted or held at ``values``.
+        """Model with one more effect, fitted or held at ``values``.
 
-        Raises DataError for an unknown effect or parameter, an effect present already or that cannot be held, and a
-        missing, non-numeric or out-of-bounds value.
+        Raises DataError for an effect that is unknown, present or cannot be held, and for unknown or impossible values.
         """
         if effect_id not in EFFECTS:
             raise DataError(
@@ -93,7 +85,7 @@ class Model:
         return replace(self, held=(*self.held, (effect_id, tuple(sorted(values.items())))))
 
     def without_effect(self, effect_id: str) -> Model:
-        """The model without one effect, not refitted. Raises DataError where it has none of that id."""
+        """Model without one effect, not refitted. Raises DataError if it has none of that id."""
         if effect_id not in self.effects and effect_id not in dict(self.held):
             raise DataError(message("{effect} is not in the model", effect=effect_id), "Take out one that is")
         effects = tuple(e for e in self.effects if e != effect_id)
@@ -111,8 +103,8 @@ class Model:
 class Gap:
     """Where a session and a model disagree.
 
-    Attributes: pool: explanations of the rest, with probabilities. streams: effects that the streams show. gap_mm: RMS
-    residual on held-out runs; noise_floor_mm: what noise alone leaves.
+    Attributes: pool: explanations of the rest. streams: effects that streams show. gap_mm: RMS residual on held-out
+    runs; noise_floor_mm: by noise alone.
     """
 
     session: Session = field(repr=False)
@@ -131,7 +123,7 @@ class Gap:
 
     @property
     def members(self) -> dict[str, float]:
-        """Effect id, or ``?covariate:role`` of an unnamed term → probability, falling from the largest to 0.1."""
+        """Effect id, or ``?covariate:role`` of an unnamed term → probability, down to 0.1."""
         names = {name for found in self.pool.found for name in found} - set(self.pool.emptiest) - {LAW_FORM}
         each = {name: self.pool.probability_of(name) for name in names}
         return {n: p for n, p in sorted(each.items(), key=lambda item: -item[1]) if p >= SHARED}
@@ -139,10 +131,10 @@ class Gap:
 
 @dataclass(frozen=True)
 class Shrinkage:
-    """Change of the gap on held-out runs, mm.
+    """Change of the gap on held-out runs.
 
-    Attributes: change_ci95_mm: bootstrap over the runs. improves: the RMS falls by more than ``SHRINKS_BY``. verdict:
-    shrinks | open | grows.
+    Attributes: change_ci95_mm: bootstrap over runs. improves: by more than ``SHRINKS_BY``. verdict: shrinks | open |
+    grows.
     """
 
     before_mm: float
@@ -173,12 +165,11 @@ class Shrinkage:
 
 @one_blas_thread
 def find(session: Session, model: Model | None = None) -> Gap:
-    """The disagreement of a session and a model, fitted to it without the runs that ``analyze`` leaves out.
+    """Gap of a session, without runs that ``analyze`` leaves out, and a model fitted to it.
 
-    A model that ``find`` fitted to this session starts there and keeps its edges, so that gaps can be compared; one
-    fitted to another is fitted again.
+    A model that ``find`` fitted to this session keeps its edges, so that gaps can be compared.
 
-    Raises EstimateError when the session cannot carry the model.
+    Raises EstimateError if the session cannot carry the model.
     """
     model = model or Model()
     session, _ = kept_runs(session)
@@ -214,7 +205,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
 
 
 def with_one_more(session: Session, fit: Fit, effect: str, unsure_ages: bool) -> Fit:
-    """The joint refit with one more effect. Raises EstimateError where the session cannot carry it."""
+    """Refit with one more effect. Raises EstimateError if the session cannot carry it."""
     pool = compared([fit], {effect}, unsure_ages, most=1)
     wanted = tuple(sorted({*effects_in(fit), effect}))
     fits = grown(session, {effects_in(fit): fit}, pool, wanted)
@@ -228,11 +219,9 @@ def with_one_more(session: Session, fit: Fit, effect: str, unsure_ages: bool) ->
 
 @one_blas_thread
 def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Step, ...]:
-    """Effects that explain a gap, the most probable first, each refitted jointly with the model.
+    """Effects that explain a gap, most probable first; those that streams show come alone, to be repaired first.
 
-    Effects that the streams show are returned alone: they have to be repaired first.
-
-    candidates: ids to choose among; None: all. Raises DataError for an unknown id.
+    Raises DataError for an unknown candidate.
     """
     allowed = known_effects(candidates)
     shown = tuple(_stream_step(item, gap) for item in gap.streams if item.effect in allowed)
@@ -256,7 +245,7 @@ def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Ste
 
 @one_blas_thread
 def shrinkage(before: Gap, after: Gap) -> Shrinkage:
-    """Change of the held-out gap from one model to another. Raises DataError for two sessions."""
+    """Change of the held-out gap. Raises DataError for two sessions."""
     if _of(before.session) != _of(after.session):
         raise DataError(
             message(
@@ -327,7 +316,7 @@ def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, f
 
 
 def _of(session: Session) -> tuple[object, ...]:
-    """What identifies a session, unchanged by repairs of its streams."""
+    """Identity of a session, unchanged by repairs of its streams."""
     return session.name, session.started_utc, tuple((run.id, run.start_s) for run in session.runs)
 
 

@@ -1,7 +1,7 @@
-"""Constants of the posterior: unit, meaning and origin.
+"""Constants of the posterior.
 
-Origins: *physical* = from what hands, screens and sensors do; *derived* = follows from the model or the numerics;
-*judgement* = a prior belief; *calibrated* = sized on sessions, which are named.
+Origins: *physical* = from hands, screens and sensors; *derived* = from the model or the numerics; *judgement* = a prior
+belief; *calibrated* = sized on sessions, which are named.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Effects of an extended model, except its law, removed from copies of recorded streams.
-
-Forward contributions are subtracted along the trace's motion under the law.
-"""
+"""Effects of an extended model, except its law, removed from copies of recorded streams."""
 
 from __future__ import annotations
 
@@ -28,13 +25,13 @@ LONGEST_SHIFT_S = 0.05  # an edge of a stylus that hardly crosses the beam is no
 
 @dataclass(frozen=True)
 class Correction:
-    """What was removed from recorded streams. applied: the effects; left: id → why it stays."""
+    """Effects removed, and id → why others are left."""
 
     applied: tuple[ModelEffect, ...]
     left: dict[str, str]
 
     def words(self) -> str:
-        """What was removed and what stays, in one line; empty for a model without effects."""
+        """What was removed and what stays, in one line; empty without effects."""
         out = []
         if self.applied:
             out.append("corrected for " + "; ".join(size_words(effect) for effect in self.applied))
@@ -73,7 +70,7 @@ def size_words(effect: ModelEffect) -> str:
 
 
 def realise(effect: ModelEffect) -> Effect:
-    """The simulated effect of a model file; a single number of unknown name is its main parameter."""
+    """Simulated effect; a single number of unknown name is its main parameter."""
     if effect.shape is not None and effect.shape.sizes:
         shape = effect.shape
         value = next(iter(effect.parameters.values()), 0.0)
@@ -89,10 +86,9 @@ def realise(effect: ModelEffect) -> Effect:
 
 
 def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correction]:
-    """A session without a model's effects, and what was done.
+    """Session without a model's effects, except those in its law, and what was done.
 
-    Effects in the latency law stay, for the law undoes them. Clock comparisons of the session, where it has them, take
-    precedence over the model's drift.
+    Clock comparisons of the session take precedence over the model's drift.
     """
     applied: list[ModelEffect] = []
     left: dict[str, str] = {}
@@ -122,7 +118,7 @@ def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correctio
 
 
 def without_effects(session: Session, effects: Sequence[Effect], law: Law) -> Session:
-    """The session without the given effects; the law gives the motion."""
+    """Session without effects; the law gives the motion."""
     if not effects:
         return session
     starts = [run.touch.t_s[0] for run in session.runs if run.touch.t_s.size]
@@ -145,9 +141,9 @@ def _clock_is_known(session: Session) -> bool:
 def corrected_touch(
     t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, model: LatencyModel
 ) -> tuple[FloatArray, FloatArray, FloatArray, Correction]:
-    """Touch events (n,) without the model's effects: t s, x mm, y mm, and what was done.
+    """Touch times and positions (n,) without a model's effects, and what was done.
 
-    Repeated positions get the time of the first. Effects of laser and clock do not act on touch.
+    Repeated positions get the time of the first.
     """
     size = (model.provenance.screen_width_mm or 0.0, model.provenance.screen_height_mm or 0.0)
     applied: list[ModelEffect] = []
@@ -193,7 +189,7 @@ def corrected_touch(
 def _hand(
     touch: TouchTrace, law: Law, origin_s: float, size_mm: tuple[float, float]
 ) -> tuple[Kinematics, FloatArray, FloatArray]:
-    """Simulated movement under a trace, its host times (g,) s, and the time each event shows (n,) s."""
+    """Motion under a trace, its host times (g,), and the time each event shows (n,)."""
     xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
     path = stylus_path(touch.t_s, xy_mm, law, max(0.05, 4.5 * sample_interval_s(touch.t_s)))
     n = int((path.t_s[-1] - path.t_s[0]) * GRID_HZ)
@@ -229,7 +225,7 @@ def _without_touch_effects(
 def _without(
     run: Run, effects: Sequence[Effect], law: Law, origin_s: float, size_mm: tuple[float, float], session: Session
 ) -> Run:
-    """The run without effects; unchanged where its trace is too poor."""
+    """Run without effects; unchanged if its trace is too poor."""
     touch = usable(run.touch)
     if touch.t_s.size < 50 or not len(run.laser.t_s):
         return run
@@ -245,7 +241,6 @@ def _without(
 def _laser_without(
     laser: LaserTrace, effects: Sequence[Effect], k: Kinematics, host_s: FloatArray, origin_s: float, diameter_mm: float
 ) -> LaserTrace:
-    """Edges and device stamps without effects."""
     t = laser.t_s - origin_s
     for effect in effects:
         t = t - (effect.laser_clock(t) - t)

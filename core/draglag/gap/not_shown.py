@@ -15,7 +15,7 @@ TOO_SUDDEN = message("a slower chirp or step: no edge of those here could be pla
 
 
 def not_shown(session: Session, fit: Fit) -> dict[str, str]:
-    """Effect id → the recording that would show it, in words."""
+    """Effect id → recording that would show it, in words."""
     lacks = _lacking(session, fit)
     inside = set(effects_in(fit))
     out = {}
@@ -27,7 +27,7 @@ def not_shown(session: Session, fit: Fit) -> dict[str, str]:
 
 
 def _lacking(session: Session, fit: Fit) -> dict[str, str]:
-    """What is lacking → words, empty where each effect has its own."""
+    """Need → words; empty: those of each effect."""
     out = {"other stylus": ""}
     if session.taps is None or session.taps.registered_s.size < ENOUGH_TAPS:
         out["taps"] = ""

@@ -27,11 +27,10 @@ ROLES = {"latency": "ms", "direction": "ms", "offset": "mm", "width": "mm"}
 
 @dataclass(frozen=True)
 class Provisional:
-    """A smooth function of a covariate, marked unnamed.
+    """Smooth function of a covariate, without a name.
 
-    Attributes: name: ``unnamed:speed``. role: latency (ms), offset (mm), width (mm), or direction, a latency (ms) of
-    opposite sign for opposite travel. probability: relative to noise alone. x, value, low, high: (k,) function with 95
-    % band.
+    Attributes: role: latency, offset, width, or direction, a latency of opposite sign for opposite travel. probability:
+    relative to noise alone. x, value, low, high: (k,) with 95 % band.
     """
 
     name: str
@@ -82,10 +81,7 @@ class Provisional:
 
 
 def provisional_term(report: GapReport) -> Provisional | None:
-    """The most probable smooth term that shrinks a report's held-out gap, or None.
-
-    It follows the covariate of the report, or any where that has no smooth term.
-    """
+    """Most probable smooth term, if possible of the report's covariate, that shrinks the held-out gap, if any."""
     if report.last is None or report.judgement is None or report.unexplained_by is None:
         return None
     fit, smooth = report.last, shape_free(report.last.view)
@@ -132,7 +128,7 @@ def _added(fit: Fit, covariate: str, role: str, probability: float, columns: Flo
 
 
 def _per_unit(view: View, role: str, columns: FloatArray) -> tuple[FloatArray, float]:
-    """The function of these residual columns, (m, k), and the factor to ms or mm."""
+    """Function of these residual columns, (m, k), and factor to ms or mm."""
     lever = view.v_across * view.stretch
     if role == "offset":
         return columns, 1.0

@@ -33,20 +33,17 @@ UNEXPLAINED = ("unexplained",)
 
 
 def stated(probability: float) -> str:
-    """A probability with two digits, within what has been counted."""
+    """Probability with two digits, at most ``STATED_AT_MOST``."""
     return f"{min(probability, STATED_AT_MOST):.2f}" if probability >= 0.005 else "< 0.01"
 
 
 def followed(covariate: str) -> str:
-    """What a gap follows, in words; an effect's id is unchanged."""
+    """What a gap follows, in words; an effect's id unchanged."""
     return FOLLOWS.get(covariate, covariate)
 
 
 def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, probability: float | None = None) -> str:
-    """The verdict ``unexplained`` in a sentence.
-
-    stopped_at: limit on effects that ended the search. probability: of something unnamed.
-    """
+    """The verdict ``unexplained`` in a sentence. stopped_at: limit on effects that ended the search."""
     word = "Unexplained" if probability is None else f"Unexplained (probability {stated(probability)})"
     scatter = covariate == "scatter"
     what = (
@@ -63,8 +60,8 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, p
 class Step:
     """One effect added.
 
-    Attributes: parameters: name → (value, (low, high)). p_value: likelihood ratio. gaps: held-out RMS, mm. probability:
-    of this effect or one indistinguishable from it.
+    Attributes: parameters: name → (value, 95 % interval). p_value: likelihood ratio. gaps: held-out RMS. probability:
+    of it or one indistinguishable from it.
     """
 
     effect: str
@@ -97,14 +94,14 @@ class Step:
 
 
 def next_to_unnamed(step: Step) -> Step:
-    """The step at the lower probability of names next to something unnamed; unchanged where streams show it."""
+    """Step at the lower probability next to something unnamed; unchanged if streams show it."""
     in_streams = effect_class(step.effect).detected_by
     return step if in_streams else replace(step, probability=NEXT_TO_UNNAMED * step.probability)
 
 
 @dataclass(frozen=True)
 class LawStatement:
-    """The curve's form: whether Eq. 5 is adequate; probability that it is not; misses_s: RMS from the nearest Eq. 5."""
+    """The curve's form: probability that it is not Eq. 5; misses_s: RMS from the nearest."""
 
     adequate: bool = True
     probability: float = 0.0
@@ -131,7 +128,7 @@ class Tolerated:
 
 @dataclass(frozen=True)
 class NoisePart:
-    """A part of the noise: ``touch`` or a level of ``posterior.levels``, in its unit; size_mm: RMS over the edges."""
+    """Part of the noise: ``touch`` or a level of ``posterior.levels``; size_mm: RMS over edges."""
 
     name: str
     level: float
@@ -140,7 +137,7 @@ class NoisePart:
 
 @dataclass(frozen=True)
 class Statistic:
-    """A statistic of the posterior predictive check. follows: covariate of a disagreement."""
+    """Statistic of the predictive check. follows: covariate of a disagreement."""
 
     name: str
     follows: str
@@ -152,12 +149,12 @@ class Statistic:
 
 @dataclass(frozen=True)
 class GapReport:
-    """The workflow's result.
+    """Result of the workflow.
 
     Attributes: verdict: explained | no_gap | unexplained, or None with ``missing``. explanations: sets of effects with
     probabilities, 95 % of the mass. not_seen: effect → recording that would show it. first, last: fits without and with
-    all steps. judgement: all compared. stopped_at: limit on effects that ended the search. excluded: run id → reason.
-    flagged: run id → flags of its edges. noise: parts of the floor, largest first. check: empty without steps.
+    all steps. stopped_at: limit on effects that ended the search. excluded, flagged: run id → reason, flags of its
+    edges.
     """
 
     session: str
@@ -184,7 +181,7 @@ class GapReport:
     check: tuple[Statistic, ...] = ()
 
     def judged(self, session: Session) -> Session:
-        """The session without excluded runs."""
+        """Session without excluded runs."""
         if not self.excluded:
             return session
         return replace(session, runs=tuple(run for run in session.runs if run.id not in self.excluded))

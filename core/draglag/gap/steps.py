@@ -42,7 +42,7 @@ def reported(
     allowed: frozenset[str],
     max_effects: int,
 ) -> GapReport:
-    """The report of a judgement. sessions: as measured, and as repaired for the fits."""
+    """Report of a judgement. sessions: as measured, and as repaired for the fits."""
     session, ready = sessions
     named, strange = streams
     answer = answer_of(judgement.pool)
@@ -92,7 +92,7 @@ def _flagged(fit: Fit) -> dict[str, str]:
 
 
 def noise_parts(judgement: Judgement) -> tuple[NoisePart, ...]:
-    """Parts of the noise under the most probable explanation, the largest first."""
+    """Parts of the noise under the best explanation, largest first."""
     found = judgement.pool.found[judgement.pool.best]
     search = found.search
     levels = search.levels[int(np.argmax(log_evidence(search, found.explanation)))]
@@ -111,10 +111,8 @@ class Link:
 
 
 def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
-    """The chain up to the first effect that held-out runs do not support, and its covariate.
-
-    Effects that hide each other, as a late and an early edge, are judged together.
-    """
+    """Chain up to the first effect that held-out runs do not support, and its covariate. Effects that hide each other
+    count together."""
     k = 1
     while k < len(chain):
         together = (m for m in range(k, len(chain)) if shrinks_or_predicts(chain[k].before, chain[m].after))
@@ -126,10 +124,7 @@ def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
 
 
 def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
-    """The chain up to the first effect that explains less held-out mean square than stays unnamed.
-
-    An unknown shape may imitate any smaller effect.
-    """
+    """Chain up to the first effect that explains less mean square than stays unnamed."""
     last = chain[-1].after
     unexplained = gap_mm(last, edges) ** 2 - floor_mm(last, edges) ** 2
     for k, link in enumerate(chain[1:], start=1):
@@ -139,13 +134,13 @@ def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
 
 
 def law_of(judgement: Judgement, fit: Fit) -> LawStatement:
-    """The statement on the curve's form."""
+    """Statement on the curve's form."""
     p = judgement.pool.probability_of(LAW_FORM)
     return LawStatement(p < OWN_FORM, p, remainder_rms_s(fit.law, fit.view.speed))
 
 
 def fits_in_order(session: Session, judgement: Judgement, effects: Names) -> list[Link]:
-    """The first fit and those with one more effect each, in order of the gap they close."""
+    """First fit, then one more effect each, in order of the gap they close."""
     pool, fits = judgement.pool, dict(judgement.fits)
     out = [Link("", judgement.base, judgement.base)]
     names: Names = ()
@@ -178,7 +173,7 @@ def step_of(
     after: Fit,
     last: Fit | None = None,
 ) -> Step:
-    """One effect as a step, with those indistinguishable from it. last: fit of all effects, for parameters."""
+    """One effect as a step, with those indistinguishable from it. last: fit that gives the parameters."""
     last = last or after
     alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
     p_any_form = _unknown_form(judgement, last)
@@ -225,13 +220,13 @@ def _rivals(answer: Answer, name: str) -> list[str]:
 
 
 def deviance_gained(before: Fit, after: Fit) -> float:
-    """Twice the log-likelihood that ``after`` gains on the edges that both use."""
+    """Twice the log-likelihood gained on common edges."""
     both = before.use & after.use
     return 2 * (log_likelihood_on(after, both) - log_likelihood_on(before, both))
 
 
 def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fit) -> list[Step]:
-    """Effects that the streams show, as steps, repaired at once."""
+    """Steps of effects that streams show, repaired at once."""
     if not found:
         return []
     after = gap_mm(repaired)
@@ -260,10 +255,7 @@ def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fi
 def _unnamed_in_streams(
     sessions: tuple[Session, Session], strange: tuple[StreamEffect, ...], base: Fit, allowed: frozenset[str]
 ) -> str | None:
-    """Covariate of what streams or traces show and no allowed effect explains.
-
-    Stalls count only where repair leaves them: removed repeats make pauses.
-    """
+    """Covariate of what streams or traces show and no allowed effect explains. Stalls count if repair leaves them."""
     if strange:
         return effect_class(strange[0].effect).follows
     shown = (e for e in EFFECTS if e not in allowed and shown_by_traces(base, e))
@@ -274,6 +266,6 @@ def _unnamed_in_streams(
 
 
 def _unknown_form(judgement: Judgement, fit: Fit) -> float:
-    """Probability that the curve has an unknown form; 0 where Eq. 5 describes it."""
+    """Probability of an unknown form of the curve; 0 if Eq. 5 is adequate."""
     law = law_of(judgement, fit)
     return 0.0 if law.adequate else law.probability

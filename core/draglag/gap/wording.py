@@ -47,7 +47,7 @@ Explanations = Sequence[tuple[tuple[str, ...], float]]
 
 
 def cause_in_words(step: Step) -> str:
-    """An effect, its twins, size and probability: "clock drift 24.9 ppm (23.7 to 26.2; probability 0.97)"."""
+    """As "clock drift 24.9 ppm (23.7 to 26.2; probability 0.97)", with twins."""
     names = " or ".join(map(title_of, (step.effect, *step.indistinguishable_from)))
     size, interval = _size(step)
     brackets = f"{interval}; " if interval else ""
@@ -64,12 +64,12 @@ def _size(step: Step) -> tuple[str, str]:
 
 
 def headline(report: GapReport) -> str:
-    """The verdict, and the run that would separate indistinguishable causes."""
+    """Verdict, and the run that would separate indistinguishable causes."""
     return " ".join((verdict_in_words(report), *_to_separate(report)))
 
 
 def verdict_in_words(report: GapReport) -> str:
-    """Causes, sizes, probabilities and held-out gap, in one or two sentences."""
+    """Causes, sizes, probabilities and held-out gap."""
     sizes = f"{report.gap_last_mm or 0.0:.2f} mm, noise {report.noise_floor_mm or 0.0:.2f}"
     mass = dict(report.explanations)
     quiet = f" (probability {stated(mass[()])})" if () in mass else ""
@@ -111,13 +111,13 @@ def _to_separate(report: GapReport) -> list[str]:
 
 
 def separating_run(effect: str, alike: Sequence[str], extra_run: str) -> str:
-    """The recording that would separate an effect from those alike, or nothing."""
+    """Recording that would separate an effect from those alike, or empty."""
     known = (EFFECTS[name].separated_by for name in (effect, *alike) if name in EFFECTS)
     return extra_run or next(filter(None, known), "")
 
 
 def law_in_words(law: LawStatement) -> str:
-    """By how much Eq. 5 misses the curve; empty where it is adequate."""
+    """Misfit of Eq. 5; empty if it is adequate."""
     if law.adequate:
         return ""
     missed = f": Eq. 5 misses it by {1e3 * law.misses_s:.2g} ms RMS" if law.misses_s > LEAST_MISS_S else ""
@@ -128,13 +128,13 @@ def law_in_words(law: LawStatement) -> str:
 
 
 def tolerated_in_words(report: GapReport) -> str:
-    """What is too small to matter, with sizes; empty without."""
+    """Structure too small to matter; empty without."""
     items = [f"{_followed(item.follows)}, {item.size_mm:.2f} mm" for item in report.tolerated]
     return f"Tolerated, too small to matter: {'; '.join(items)}." if items else ""
 
 
 def noise_in_words(report: GapReport) -> str:
-    """Parts of the noise floor of interest; empty without."""
+    """Parts of the noise of interest; empty without."""
     items = [f"{NOISE[one.name]} {one.size_mm:.2f} mm" for one in report.noise if one.size_mm >= SIZE_OF_INTEREST_MM]
     return f"Noise of the edges, as large as the session has it: {', '.join(items)}." if items else ""
 
@@ -154,7 +154,7 @@ def _followed(covariate: str) -> str:
 
 
 def set_in_words(names: Sequence[str]) -> str:
-    """A set of effects: "clock drift and beam bow", "no effect", or "something without a name"."""
+    """As "clock drift and beam bow", "no effect" or "something without a name"."""
     if tuple(names) == UNEXPLAINED:
         return "something without a name"
     shown = [title_of(name) if name in EFFECTS else name for name in names]
@@ -163,10 +163,7 @@ def set_in_words(names: Sequence[str]) -> str:
 
 
 def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) -> Explanations:
-    """Probable sets beyond the first, without those that steps name with "or".
-
-    steps: each an effect and those indistinguishable from it.
-    """
+    """Probable sets beyond the first, without those that steps name with "or". steps: each an effect and its rivals."""
     first = tuple(explanations[0][0]) if explanations else ()
     named = {column_of(name) for step in steps for name in step if name in EFFECTS}
     out = []
@@ -178,7 +175,7 @@ def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) ->
 
 
 def also_in_words(report: GapReport) -> str:
-    """Other probable explanations in a sentence; empty without."""
+    """Other probable explanations; empty without."""
     steps = [(step.effect, *step.indistinguishable_from) for step in report.steps]
     others = also_possible(report.explanations, steps)
     items = [f"{set_in_words(names)} (probability {stated(p)})" for names, p in others]
@@ -186,7 +183,7 @@ def also_in_words(report: GapReport) -> str:
 
 
 def drift_in_analysis(session: Session, report: GapReport) -> str:
-    """What ``analyze`` does with the named drift; empty where none is named."""
+    """What ``analyze`` does with a named drift; empty without."""
     step = next((step for step in report.steps if step.covariate == "session_time"), None)
     if step is None:
         return ""
@@ -210,7 +207,7 @@ def drift_in_analysis(session: Session, report: GapReport) -> str:
 
 
 def drift_of_stamps_ppm(session: Session) -> float | None:
-    """Drift of the laser's stamps by clock comparisons, ppm, positive if fast; None without enough."""
+    """Drift of laser stamps by clock comparisons, positive if fast; None without enough."""
     if not session.clocks and not any(run.sync for run in session.runs):
         return None
     stamps, off = [], []

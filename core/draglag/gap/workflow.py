@@ -1,4 +1,4 @@
-"""The workflow: the most probable explanation of a session, step by step."""
+"""The whole workflow, from a session to its report."""
 
 from __future__ import annotations
 
@@ -40,10 +40,11 @@ def close_gap(
     progress: Progress | None = None,
     include: Collection[str] = (),
 ) -> GapReport:
-    """The report on a session, without runs that ``analyze`` leaves out; ``missing`` lists what it lacks for a verdict.
+    """Report on a session without runs that ``analyze`` leaves out; ``missing`` lists what a verdict lacks.
 
-    candidates: effect ids; None: all. include: ids of runs to use although they went wrong, or ``all``. Raises
-    DataError for an unknown candidate.
+    candidates: effect ids; None: all. include: ids of runs to use although they went wrong, or ``all``.
+
+    Raises DataError for an unknown candidate.
     """
     allowed = known_effects(candidates)
     session, excluded = kept_runs(session, include)
@@ -79,7 +80,7 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
 
 
 def _first_fit(ready: Session, whole: Session) -> tuple[Session, Fit]:
-    """The session, repaired if it cannot be fitted as given, and its fit without effects."""
+    """Session, repaired if it cannot be fitted as given, and its fit."""
     try:
         return ready, fit_session(ready, gather(ready))
     except NO_FIT:

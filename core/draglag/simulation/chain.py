@@ -252,7 +252,7 @@ def simulate_session(
         protocol: protocol, preset or TOML file.
         session_start_s: on the host clock.
 
-    Raises DataError: unknown preset, malformed file, target beyond the screen.
+    Raises DataError for an unknown preset, a malformed file or a target beyond the screen.
     """
     return simulate_session_with_truth(
         screen_or_rig, protocol, effects=effects, seed=seed, human=human, session_start_s=session_start_s

@@ -65,7 +65,7 @@ class Rig:
 def rig_for_screen(name_or_path: str | Path) -> Rig:
     """Rig of a screen preset or TOML file, its beam tilted by 0.3° through the middle.
 
-    Raises DataError: unknown screen, or one without a latency law.
+    Raises DataError for an unknown screen, or one without a latency law.
     """
     preset = load_screen_file(name_or_path)
     if preset.law is None:

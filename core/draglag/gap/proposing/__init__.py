@@ -1,1 +1,1 @@
-"""Refits with one more effect, proposed by traces, edges and columns."""
+"""Refits with one more effect."""

@@ -13,7 +13,7 @@ from draglag.recording import FloatArray
 
 
 def open_mm(placed: Placed, terms: Sequence[Term]) -> FloatArray:
-    """Half range in which the terms leave each edge open, (m,) mm."""
+    """Half range in which the terms leave each edge open, (m,)."""
     out = np.zeros(len(placed))
     for term in terms:
         own = refit_module(term.effect)

@@ -10,7 +10,7 @@ from draglag.recording import Session
 
 
 def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, ...]) -> list[Fit]:
-    """Refits with one more effect, one for each form of it. theta: initial setting."""
+    """One refit for each form of the effect. theta: initial setting."""
     own = refit_module(effect)
     if own is not None and hasattr(own, "refits"):
         return [fit for fit in own.refits(session, before, theta) if fit is not None]
@@ -19,13 +19,13 @@ def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, 
 
 
 def shown_by_traces(before: Fit, effect: str) -> bool:
-    """Whether the touch events themselves show the effect."""
+    """Whether touch events show the effect."""
     own = refit_module(effect)
     return own is not None and hasattr(own, "shown_by_traces") and bool(own.shown_by_traces(before))
 
 
 def possible_in(before: Fit, effect: str) -> bool:
-    """Whether the touch events, being thousands, leave room for the effect."""
+    """Whether touch events allow the effect."""
     own = refit_module(effect)
     return own is None or not hasattr(own, "possible_in") or bool(own.possible_in(before))
 

@@ -20,9 +20,9 @@ from draglag.simulation.effects import effect_class
 
 
 def law_of_fit(fit: Fit) -> CurveFit:
-    """The law of a joint fit as a curve, or its nearest Eq. 5; beam and effects are marginalised.
+    """Law of a joint fit as a curve, or its nearest Eq. 5. A plateau's corner is sharp, unlike in the fit.
 
-    A plateau's corner is sharp, unlike in the fit. rms_s and between_runs_s: of the runs about law plus effects.
+    rms_s and between_runs_s: of the runs about law plus effects.
     """
     plateau = fit.law.plateau_mm_s > 0
     form = FORMS["double_exponential_plateau" if plateau else "double_exponential"]
@@ -61,7 +61,7 @@ def law_of_fit(fit: Fit) -> CurveFit:
 
 
 def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
-    """The curve with the clock's offset added to its asymptote, value and variance."""
+    """Curve with the clock's offset added to its asymptote."""
     off = next((step for step in steps if effect_class(step.effect).laser_late), None)
     if off is None:
         return curve
@@ -74,7 +74,7 @@ def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
 
 
 def _undone_s(fit: Fit) -> FloatArray:
-    """Latency removed from the traces at placed edges, (m,) s."""
+    """Latency undone in the traces, (m,)."""
     out = np.zeros(len(fit.placed))
     for term in fit.terms:
         out += effect_class(term.effect).undone_s(term, fit.placed)
@@ -82,10 +82,7 @@ def _undone_s(fit: Fit) -> FloatArray:
 
 
 def extended_model(session: Session, report: GapReport, created_utc: str = "", input_sha256: str = "") -> LatencyModel:
-    """The model of a finished report. created_utc: ISO 8601; input_sha256: of the session's file.
-
-    Raises EstimateError for a report without a verdict.
-    """
+    """Model of a report. created_utc: ISO 8601. Raises EstimateError for a report without a verdict."""
     if report.last is None:
         raise EstimateError(
             message("{session}: there is no model to save", session=report.session),

@@ -20,13 +20,13 @@ from draglag.simulation.rig import Rig
 
 
 def named_effects(fit: Fit) -> dict[str, dict[str, float]]:
-    """Effects of a fit's terms and law: id → parameters."""
+    """Id → parameters of a fit's effects."""
     ids = [*effects_in_law(fit), *(term.effect for term in fit.terms)]
     return {name: {k: value for k, (value, _) in parameters_of(name, fit).items()} for name in ids}
 
 
 def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = None) -> tuple[Effect, ...]:
-    """Effects as simulated; sizes are clipped to their bounds."""
+    """Simulated effects, clipped to their bounds, without those that measured streams hold already."""
     named = named_effects(fit) if named is None else named
     out: list[Effect] = []
     for name, numbers in named.items():
@@ -40,19 +40,19 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
 
 
 def made(name: str, numbers: Mapping[str, float]) -> Effect:
-    """An effect from its numbers; missing ones are typical, others clipped."""
+    """Effect of these numbers; missing ones are typical, others clipped."""
     cls = EFFECTS[name]
     return cls(*(min(max(numbers.get(p.name, p.typical), p.lower), p.upper) for p in cls.parameters))
 
 
 def held_s(effects: Sequence[Effect]) -> float:
-    """Delay of stamps by effects, s, which is part of a law fitted to repaired stamps."""
+    """Delay of stamps that is part of a law fitted to repaired stamps."""
     return float(sum(effect.stamped_late_s() for effect in effects))
 
 
 @dataclass(frozen=True)
 class LawOfOwnForm(LatencyLaw):
-    """A fitted law that is not Eq. 5, shifted to the asymptote a7_ms."""
+    """Fitted law that is not Eq. 5, shifted to the asymptote a7_ms."""
 
     fitted: FlexibleLaw
 
@@ -61,7 +61,7 @@ class LawOfOwnForm(LatencyLaw):
 
 
 def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
-    """The rig of a fit: law, beam and position noise; nothing else is random."""
+    """Rig of a fit; only position noise is random."""
     law = fit.law
     # Late stamps make latency read short: what the clock is blamed for is the law's again.
     asymptote_ms = 1e3 * (law.a7_s + sum(effect.value for effect in effects if effect.laser_late))
@@ -93,9 +93,9 @@ def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
 def rig_with_law(
     rig: Rig, form: str, parameters: Mapping[str, float], effects: Sequence[Effect] = ()
 ) -> tuple[Rig, Effect | None]:
-    """A rig with a model's law and tap delay, and the effect of a parameter of its form, or None.
+    """Rig with a model's law and tap delay, and the effect that a parameter of its form stands for, if any.
 
-    effects: of the model; their delay of stamps is not the law's. Raises DataError for a form that cannot be simulated.
+    Raises DataError for a form that cannot be simulated.
     """
     zero = dict.fromkeys(("a1_ms", "a2_s_per_mm", "a4_ms", "a5_s_per_mm", "a7_ms"), 0.0)
     homes = {home.form_parameter: home for home in EFFECTS.values() if home.form_parameter}

@@ -1,7 +1,4 @@
-"""A measured session simulated again with the measured hand and the present model.
-
-The stylus' path is recovered from the trace, simulated forward, and compared by edges and by estimates of runs.
-"""
+"""A measured session simulated again with the measured hand and the present model."""
 
 from __future__ import annotations
 
@@ -40,7 +37,7 @@ MATCH_S = 0.15  # a simulated edge farther from the measured one is another cros
 
 @dataclass(frozen=True)
 class Overlay:
-    """Residuals of edges under one model, (m,) mm, and their motion."""
+    """Residuals of edges under one model, (m,), and their motion."""
 
     residual_mm: FloatArray
     run: IntArray
@@ -48,14 +45,14 @@ class Overlay:
 
     @property
     def late_ms(self) -> FloatArray:
-        """The residual as latency, (m,) ms; NaN for little motion across the beam."""
+        """Residual as latency, (m,); NaN for slow motion across the beam."""
         slow = np.abs(self.view.v_across) < 1
         return np.asarray(1e3 * self.residual_mm / np.where(slow, np.nan, self.view.v_across))
 
 
 @dataclass(frozen=True)
 class RunReplay:
-    """One run's estimates, measured and simulated; None where there is none."""
+    """One run's estimates, if any."""
 
     id: str
     protocol: str
@@ -67,9 +64,8 @@ class RunReplay:
 class Replay:
     """A session simulated again.
 
-    Attributes: runs: those of the fit, in order. run, measured_s, simulated_s, falling: (m,) edges, host time, NaN
-    where not simulated. across_mm_s: (m,) velocity across the beam. between_runs_s: standard deviation between runs in
-    the model. reference: model of the overlays. again: the simulated runs, repaired.
+    Attributes: run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated.
+    reference: model of the overlays. again: simulated runs, repaired. between_runs_s: standard deviation in the model.
     """
 
     effects: tuple[Effect, ...]
@@ -86,34 +82,34 @@ class Replay:
 
     @property
     def measured(self) -> Overlay:
-        """The measurement under the reference model."""
+        """Measurement under the reference model."""
         fit = self.reference
         return Overlay(fit.residual_mm, fit.run_index.astype(np.int64), fit.view)
 
     @cached_property
     def simulated(self) -> Overlay | None:
-        """The simulation under the reference model."""
+        """Simulation under the reference model."""
         return _overlay(self.again, self.reference)
 
     @property
     def difference_ms(self) -> FloatArray:
-        """Simulated less measured edge times, (m,) ms."""
+        """Simulated less measured edge times, (m,)."""
         return np.asarray(1e3 * (self.simulated_s - self.measured_s))
 
     @property
     def difference_mm(self) -> FloatArray:
-        """The same as a distance across the beam, (m,) mm."""
+        """``difference_ms`` as a distance across the beam, (m,)."""
         return np.asarray(1e-3 * self.difference_ms * self.across_mm_s)
 
     @property
     def rms_mm(self) -> float:
-        """RMS of ``difference_mm`` over the edges that both have."""
+        """RMS of ``difference_mm`` over simulated edges."""
         good = self.difference_mm[np.isfinite(self.difference_mm)]
         return float(np.sqrt(np.mean(good**2))) if good.size else float("nan")
 
     @property
     def rms_ms(self) -> float:
-        """``rms_mm`` as time at the session's RMS velocity across the beam."""
+        """``rms_mm`` over the RMS velocity across the beam."""
         good = np.isfinite(self.difference_mm)
         if not good.any():
             return float("nan")
@@ -121,7 +117,7 @@ class Replay:
 
     @property
     def rms_ms_ci95(self) -> tuple[float, float]:
-        """95 % interval of ``rms_ms`` by bootstrap over runs."""
+        """By bootstrap over runs."""
         return _between_runs(self.run, self.difference_mm, self.across_mm_s)
 
     def latencies_ms(self) -> list[tuple[str, float, float, float, float, float]]:
@@ -137,14 +133,14 @@ class Replay:
 
     @property
     def runs_that_agree(self) -> tuple[int, int]:
-        """Number of runs whose latencies agree at 95 %, and of all compared."""
+        """Runs whose latencies agree at 95 %, and all compared."""
         rows = self.latencies_ms()
         wide = 1e3 * self.between_runs_s
         inside = [abs(s - m) <= 1.96 * float(np.sqrt(me**2 + se**2 + wide**2)) for _, _, m, me, s, se in rows]
         return sum(inside), len(rows)
 
     def to_dict(self) -> dict[str, object]:
-        """The comparison in numbers for JSON."""
+        """Numbers for JSON."""
         low, high = self.rms_ms_ci95
         known = np.isfinite(self.simulated_s)
         return {
@@ -171,12 +167,12 @@ def replay(
     progress: Progress | None = None,
     raw: tuple[RunData, ...] | None = None,
 ) -> Replay:
-    """A session simulated again with its measured hand motion.
+    """Session simulated again with its measured hand.
 
-    named: effect id → parameters, None: the fit's terms; effects of stream and clock come only from here. reference:
-    model of the overlays, None: ``fit``. raw: runs with unrepaired streams, where ``fit`` is of repaired ones.
+    named: effect id → parameters, the only source of stream and clock effects; None: the fit's. reference: model of the
+    overlays; None: ``fit``. raw: runs with unrepaired streams, where ``fit`` is of repaired ones.
 
-    Raises EstimateError where no run can be simulated.
+    Raises EstimateError if no run can be simulated.
     """
     report_progress = progress or (lambda fraction, text: None)
     reference = reference or fit
@@ -234,9 +230,9 @@ def replay(
 
 @one_blas_thread
 def replays(session: Session, report: GapReport, progress: Progress | None = None) -> tuple[Replay, ...]:
-    """Replays of the first model and after each step, with the first as reference.
+    """Replays of the first model, which is the reference, and after each step.
 
-    Raises EstimateError for a report without a verdict, or where no run can be simulated.
+    Raises EstimateError for a report without a verdict, or if no run can be simulated.
     """
     if report.first is None or report.last is None:
         raise EstimateError(
@@ -268,7 +264,7 @@ def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _reported_s(run: Run, data: RunData, effects: Sequence[Effect]) -> FloatArray:
-    """Report times: as stamped where a repair only removed events, else as repaired."""
+    """Report times: as stamped if repair only removed events and no loop held them, else as repaired."""
     only_removed = np.isin(data.reported_s, run.touch.t_s).all()
     loop = any(effect.estimated_with for effect in effects)
     return run.touch.t_s if only_removed and not loop else data.reported_s
@@ -284,7 +280,7 @@ def _simulated(
     origin_s: float,
     seed: int,
 ) -> Run:
-    """One simulated run, with the measured rate and contact losses."""
+    """One run, with the measured rate and contact losses."""
     dt_s = sample_interval_s(reported_s)
     own = replace(rig, touch_rate_hz=1 / dt_s, noise_mm=data.noise_mm)
     rng = np.random.default_rng([SEED, seed])
@@ -306,7 +302,7 @@ def _simulated(
 
 
 def _nearest(at_s: FloatArray, others_s: FloatArray) -> FloatArray:
-    """The nearest of sorted times, (m,); NaN beyond ``MATCH_S``."""
+    """Nearest of sorted times, (m,); NaN beyond ``MATCH_S``."""
     if not others_s.size:
         return np.full(at_s.size, np.nan)
     right = np.clip(np.searchsorted(others_s, at_s), 1, max(others_s.size - 1, 1))
@@ -329,7 +325,7 @@ def _between_runs(run: IntArray, values: FloatArray, across: FloatArray) -> tupl
 
 
 def _overlay(runs: tuple[RunData, ...], reference: Fit) -> Overlay | None:
-    """Simulated runs under the reference's law and beam, without its effects."""
+    """Residuals under the reference's law and beam, without its effects."""
     if not runs:
         return None
     placed: Placed = place(runs, reference.law)

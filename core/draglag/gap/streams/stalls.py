@@ -1,4 +1,4 @@
-"""Stalls: the host delays events and delivers them at once, as no effect of the library does."""
+"""Stalls: the host delays events and delivers them at once."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HELD_S = 0.003  # beyond a frame; less is the jitter of a busy host, whatever th
 
 
 def stalls(session: Session) -> bool:
-    """Whether bursts of events after a pause are more frequent than a sound host's."""
+    """Whether bursts after pauses are more frequent than a sound host's."""
     bursts, total_s = 0, 0.0
     for run in session.runs:
         dt_s = np.diff(run.touch.t_s)

@@ -20,10 +20,7 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True)
 class StreamEffect:
-    """One effect detected in a stream, with 95 % interval.
-
-    undone: whether repair removes its influence on edges. also: other parameters. rivals: alternatives.
-    """
+    """Effect detected in a stream. undone: whether repair removes its influence on edges; also: other parameters."""
 
     effect: str
     parameter: str
@@ -50,7 +47,7 @@ def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class Streams:
-    """Unrepaired streams. touches: with enough events; step_mm: of the coordinates, 0: none."""
+    """Unrepaired streams. touches: with enough events; step_mm: of quantised coordinates, else 0."""
 
     session: Session
     touches: list[TouchTrace]
@@ -58,7 +55,7 @@ class Streams:
     _known: dict[Callable[..., Any], Any] = field(default_factory=dict, repr=False)
 
     def of(self, detect: Callable[[Streams], Found]) -> Found:
-        """What a detector finds here, cached: rivals use each other's."""
+        """Result of a detector, cached."""
         if detect not in self._known:
             self._known[detect] = detect(self)
         found: Found = self._known[detect]
@@ -66,7 +63,7 @@ class Streams:
 
 
 def counted_out(t_s: FloatArray, count: FloatArray, frame_s: float, quantum_s: float) -> FloatArray:
-    """Times (n,) of counted frames of an even clock that follows the stamps slowly."""
+    """Times (n,) of counted frames on an even clock that follows the stamps slowly."""
     late = t_s - frame_s * count
     # Frames beat with the clock's ticks: the slow course is a mean over whole beats.
     off = abs(frame_s / quantum_s - round(frame_s / quantum_s))
@@ -79,14 +76,13 @@ def counted_out(t_s: FloatArray, count: FloatArray, frame_s: float, quantum_s: f
 
 
 def _running_mean(values: FloatArray, width: int) -> FloatArray:
-    """Running mean (n,) over ``width`` values, continued by odd reflection."""
     width = min(width, values.size // 2)
     mean = np.convolve(values, np.full(width, 1 / width), mode="valid")
     return np.pad(mean, (width // 2, width - 1 - width // 2), mode="reflect", reflect_type="odd")
 
 
 def resolution_mm(touches: list[TouchTrace]) -> float:
-    """Step of the coordinates, mm; 0 where they are not whole steps."""
+    """Step of the coordinates; 0 if not quantised."""
     steps = []
     fresh = [np.append(True, ~repeats(t)) for t in touches]  # what a host holds is no step
     for axis in ("x_mm", "y_mm"):
@@ -100,12 +96,12 @@ def resolution_mm(touches: list[TouchTrace]) -> float:
 
 
 def repeats(touch: TouchTrace) -> np.ndarray:
-    """Whether each event but the first repeats the position before, (n − 1,)."""
+    """Whether each event repeats the position before, (n − 1,)."""
     return np.asarray((np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0))
 
 
 def first_of_repeats(touch: TouchTrace) -> TouchTrace:
-    """The touch events without repeated positions."""
+    """Events without repeated positions."""
     keep = np.append(True, ~repeats(touch))
     ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
     return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)

@@ -119,7 +119,7 @@ def twins_of(effect_id: str) -> tuple[str, ...]:
 def parse_effect(text: str) -> Effect:
     """Effect of ``ID=VALUE``, ``ID=VALUE,name=number,…`` or, at its typical size, ``ID``.
 
-    Raises DataError: unknown id or parameter, no number, out of bounds.
+    Raises DataError for an unknown id or parameter, no number, or one out of bounds.
     """
     head, *others = text.split(",")
     name, equals, value = head.partition("=")
