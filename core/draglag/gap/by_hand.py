@@ -1,4 +1,4 @@
-"""An effect added to a finished gap report by hand."""
+"""An effect added to a gap report by hand."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ OF_THE_STREAMS = (STALLS_FOLLOW, "host_tick")  # detected before any fit, which 
 
 @one_blas_thread
 def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
-    """Report with one more effect, whether or not it shrinks the gap.
+    """Report with one more effect, even if it does not shrink the gap.
 
-    Raises DataError for an effect that cannot be added, EstimateError if the model cannot be fitted with it.
+    Raises DataError for an effect that cannot be added, EstimateError for one that cannot be fitted.
     """
     before = report.last
     if before is None or report.judgement is None:

@@ -1,4 +1,4 @@
-"""What taps identify and edges cannot: an offset of the laser's clock, a drift of clock or latency."""
+"""What taps identify and edges cannot."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def clock_offset(
     p_any_form: float = 0.0,
     early: tuple[float, float] = (0.0, 0.0),
 ) -> Offset | None:
-    """Offset of releases from the curve's end; None with few.
+    """Offset of releases from the curve's end, less what effects add; None with few.
 
-    effects: their influence on taps is subtracted. held_s: half of the longest wait of only taps or only drags.
-    p_any_form: probability of an unknown form of the curve. early: known lead of drags, and its standard deviation, s.
+    held_s: half the longest wait of only taps or only drags. p_any_form: of an unknown curve. early: known lead of
+    drags, and its standard deviation, s.
     """
     if session.taps is None:
         return None
@@ -69,7 +69,7 @@ def clock_offset(
 def shares_by_edges(
     pool: Pool, fit: Fit, moved_mm: Mapping[str, Sequence[FloatArray]]
 ) -> tuple[dict[str, FloatArray], dict[str, float]]:
-    """Likeliest shift and probability of each effect, by the edges. moved_mm: effect → equally probable shifts (m,)."""
+    """Likeliest shift and probability of each effect. moved_mm: its equally probable shifts, (m,)."""
     linear = linearised(fit, frozenset(), pool.unsure_ages)
     levels = likeliest_levels(linear)
     likeliest, evidence = {}, {}
@@ -84,7 +84,7 @@ def shares_by_edges(
 class Ends:
     """Ends of the curve relative to the fitted asymptote.
 
-    at_s, weights: (k,) of known forms (Akaike). variance: of releases, s². any_s, p_any: of an unknown form.
+    at_s, weights: (k,) of known forms. variance: of releases. any_s, p_any: of an unknown form.
     """
 
     at_s: FloatArray
@@ -101,7 +101,7 @@ class Ends:
         return np.asarray(known), self.p_any * inside / (high - low)
 
     def with_and_without(self, off_s: float) -> tuple[float, float]:
-        """Joint densities of releases and a clock with, and without, an offset of interest, 1/s."""
+        """Joint densities of releases with, and without, an offset of the clock, 1/s."""
         out = []
         for p, slab_sd_s in ((P_EFFECT, OFFSET_SD_S), (1 - P_EFFECT, 0.0)):
             known, unknown = self.densities(off_s, float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2)))
@@ -127,7 +127,7 @@ class Ends:
 
 
 def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
-    """Ends of the curve; variance: of the taps' median, s²."""
+    """Ends of the curve. variance: of the taps' median, s²."""
     fastest = float(np.quantile(fit.view.speed, 0.95))
     highest_s = float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
     any_s = min(-float(fit.law.a7_s), highest_s - INTEREST_S), highest_s
@@ -149,7 +149,7 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
 
 
 def _latencies_s(fit: Fit) -> FloatArray:
-    """Latency of each run without effects, (runs,); NaN without edges."""
+    """Latencies of runs without effects; NaN without edges."""
     lever = fit.view.v_across * fit.view.stretch
     out = np.full(len(fit.runs), np.nan)
     for k in np.unique(fit.run_index):
@@ -216,7 +216,7 @@ def _shares(log_odds: dict[str, float]) -> dict[str, float]:
 
 
 def _ends(taps: Taps, origin_s: float) -> tuple[FloatArray, FloatArray, float] | None:
-    """Times and levels of taps at both ends of the session, and variance of the levels' difference, if at both."""
+    """Times and levels of taps at both ends of the session, variance of the levels' difference."""
     latency_s = taps.registered_s - taps.physical_s
     good = np.isfinite(latency_s) & (latency_s >= 0) & (latency_s <= LONGEST_S)
     at_s, latency_s, down = taps.registered_s[good] - origin_s, latency_s[good], taps.down[good]

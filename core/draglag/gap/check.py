@@ -1,4 +1,4 @@
-"""Posterior predictive check by stylus width, scatter of edges and repeated positions."""
+"""Posterior predictive check of a report."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LATENCY, REPEATS = "latency by run", "repeated positions"
 
 
 def checked(session: Session, report: GapReport) -> GapReport:
-    """Report with its predictive check. Where latency disagrees or the simulation fails, the verdict stays.
+    """Report with its predictive check. The verdict stays where latency disagrees or simulation fails.
 
     session: as measured, without excluded runs.
     """
@@ -65,7 +65,7 @@ def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...
 
 
 def _latency(again: Replay) -> Statistic | None:
-    """RMS of the latency difference times speed, and what errors leave of it."""
+    """RMS of the latency difference times speed."""
     rows = again.latencies_ms()
     if len(rows) < FEWEST_RUNS:
         return None
@@ -105,7 +105,7 @@ def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _repeats(session: Session, again: Session) -> Statistic | None:
-    """Share of repeats, simulated positions rounded as measured."""
+    """Simulated positions are rounded as measured."""
     own = [run.touch for run in session.runs if run.touch.t_s.size > 1]
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:

@@ -35,7 +35,7 @@ from draglag.system.blas import one_blas_thread
 
 
 def shown_by_streams(effect_id: str) -> bool:
-    """Whether the effect is repaired in streams, not fitted to edges."""
+    """Whether it is repaired in streams, not fitted to edges."""
     return effect_class(effect_id).undone_in == "stream"
 
 
@@ -43,8 +43,8 @@ def shown_by_streams(effect_id: str) -> bool:
 class Model:
     """Law, beam and effects.
 
-    Attributes: effects: ids, fitted. held: id → parameters of known effects, removed from the session. law, geometry,
-    terms: of the last fit. of: the session fitted.
+    effects: ids, fitted. held: id → parameters, removed from the session. law, geometry, terms: of the last fit. of:
+    the session fitted.
     """
 
     effects: tuple[str, ...] = ()
@@ -58,7 +58,7 @@ class Model:
     def with_effect(self, effect_id: str, values: Mapping[str, float] | None = None) -> Model:
         """Model with one more effect, fitted or held at ``values``.
 
-        Raises DataError for an effect that is unknown, present or cannot be held, and for unknown or impossible values.
+        Raises DataError for an effect that is unknown, present or cannot be held, or for impossible values.
         """
         if effect_id not in EFFECTS:
             raise DataError(
@@ -85,7 +85,7 @@ class Model:
         return replace(self, held=(*self.held, (effect_id, tuple(sorted(values.items())))))
 
     def without_effect(self, effect_id: str) -> Model:
-        """Model without one effect, not refitted. Raises DataError if it has none of that id."""
+        """Model without one effect. Raises DataError if it has none of that id."""
         if effect_id not in self.effects and effect_id not in dict(self.held):
             raise DataError(message("{effect} is not in the model", effect=effect_id), "Take out one that is")
         effects = tuple(e for e in self.effects if e != effect_id)
@@ -103,8 +103,8 @@ class Model:
 class Gap:
     """Where a session and a model disagree.
 
-    Attributes: pool: explanations of the rest. streams: effects that streams show. gap_mm: RMS residual on held-out
-    runs; noise_floor_mm: by noise alone.
+    pool: explanations of the rest. streams: effects that streams show. gap_mm: RMS on held-out runs; noise_floor_mm: by
+    noise alone.
     """
 
     session: Session = field(repr=False)
@@ -123,7 +123,7 @@ class Gap:
 
     @property
     def members(self) -> dict[str, float]:
-        """Effect id, or ``?covariate:role`` of an unnamed term → probability, down to 0.1."""
+        """Effect id, or ``?covariate:role`` if unnamed → probability, down to 0.1."""
         names = {name for found in self.pool.found for name in found} - set(self.pool.emptiest) - {LAW_FORM}
         each = {name: self.pool.probability_of(name) for name in names}
         return {n: p for n, p in sorted(each.items(), key=lambda item: -item[1]) if p >= SHARED}
@@ -133,8 +133,7 @@ class Gap:
 class Shrinkage:
     """Change of the gap on held-out runs.
 
-    Attributes: change_ci95_mm: bootstrap over runs. improves: by more than ``SHRINKS_BY``. verdict: shrinks | open |
-    grows.
+    change_ci95_mm: bootstrap over runs. improves: by more than ``SHRINKS_BY``. verdict: shrinks | open | grows.
     """
 
     before_mm: float
@@ -165,9 +164,9 @@ class Shrinkage:
 
 @one_blas_thread
 def find(session: Session, model: Model | None = None) -> Gap:
-    """Gap of a session, without runs that ``analyze`` leaves out, and a model fitted to it.
+    """Gap of a session and a model fitted to it, without runs that ``analyze`` leaves out.
 
-    A model that ``find`` fitted to this session keeps its edges, so that gaps can be compared.
+    A model of this session keeps its edges, so that gaps can be compared.
 
     Raises EstimateError if the session cannot carry the model.
     """
@@ -219,7 +218,7 @@ def with_one_more(session: Session, fit: Fit, effect: str, unsure_ages: bool) ->
 
 @one_blas_thread
 def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Step, ...]:
-    """Effects that explain a gap, most probable first; those that streams show come alone, to be repaired first.
+    """Effects that explain a gap, most probable first; those of streams come alone, to be repaired first.
 
     Raises DataError for an unknown candidate.
     """
@@ -316,7 +315,7 @@ def _without_held(session: Session, held: Sequence[tuple[str, tuple[tuple[str, f
 
 
 def _of(session: Session) -> tuple[object, ...]:
-    """Identity of a session, unchanged by repairs of its streams."""
+    """What repairs of a session leave unchanged."""
     return session.name, session.started_utc, tuple((run.id, run.start_s) for run in session.runs)
 
 

@@ -1,7 +1,7 @@
 """Constants of the posterior.
 
-Origins: *physical* = from hands, screens and sensors; *derived* = from the model or the numerics; *judgement* = a prior
-belief; *calibrated* = sized on sessions, which are named.
+Origins: *physical* = hands, screens and sensors; *derived* = the model or numerics; *judgement* = a prior belief;
+*calibrated* = sized on sessions, which are named.
 """
 
 from __future__ import annotations

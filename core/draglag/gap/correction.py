@@ -1,4 +1,4 @@
-"""Effects of an extended model, except its law, removed from copies of recorded streams."""
+"""Recorded streams without effects."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Correction:
     left: dict[str, str]
 
     def words(self) -> str:
-        """What was removed and what stays, in one line; empty without effects."""
+        """In one line; empty without effects."""
         out = []
         if self.applied:
             out.append("corrected for " + "; ".join(size_words(effect) for effect in self.applied))
@@ -45,7 +45,7 @@ class Correction:
 
     @property
     def left_but_law(self) -> tuple[str, ...]:
-        """Ids of effects that neither the correction nor a law of speed undoes."""
+        """Ids that neither the correction nor a law of speed undoes."""
         return tuple(name for name in self.left if EFFECTS[name].undone_in != OF_SPEED)
 
     def to_dict(self) -> dict[str, object]:
@@ -86,9 +86,9 @@ def realise(effect: ModelEffect) -> Effect:
 
 
 def corrected(session: Session, model: LatencyModel) -> tuple[Session, Correction]:
-    """Session without a model's effects, except those in its law, and what was done.
+    """Session without a model's effects, and what was done.
 
-    Clock comparisons of the session take precedence over the model's drift.
+    Its clock comparisons take precedence over the model's drift.
     """
     applied: list[ModelEffect] = []
     left: dict[str, str] = {}
@@ -141,7 +141,7 @@ def _clock_is_known(session: Session) -> bool:
 def corrected_touch(
     t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, model: LatencyModel
 ) -> tuple[FloatArray, FloatArray, FloatArray, Correction]:
-    """Touch times and positions (n,) without a model's effects, and what was done.
+    """Touch events without a model's effects, and what was done.
 
     Repeated positions get the time of the first.
     """
@@ -189,7 +189,7 @@ def corrected_touch(
 def _hand(
     touch: TouchTrace, law: Law, origin_s: float, size_mm: tuple[float, float]
 ) -> tuple[Kinematics, FloatArray, FloatArray]:
-    """Motion under a trace, its host times (g,), and the time each event shows (n,)."""
+    """Motion under a trace, its host times (g,), time that each event shows (n,)."""
     xy_mm = np.column_stack([touch.x_mm, touch.y_mm])
     path = stylus_path(touch.t_s, xy_mm, law, max(0.05, 4.5 * sample_interval_s(touch.t_s)))
     n = int((path.t_s[-1] - path.t_s[0]) * GRID_HZ)
@@ -225,7 +225,7 @@ def _without_touch_effects(
 def _without(
     run: Run, effects: Sequence[Effect], law: Law, origin_s: float, size_mm: tuple[float, float], session: Session
 ) -> Run:
-    """Run without effects; unchanged if its trace is too poor."""
+    """Unchanged if the trace is too poor."""
     touch = usable(run.touch)
     if touch.t_s.size < 50 or not len(run.laser.t_s):
         return run

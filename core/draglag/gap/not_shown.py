@@ -1,4 +1,4 @@
-"""Effects that a session could not show, and the run that would."""
+"""Effects that a session cannot show."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOO_SUDDEN = message("a slower chirp or step: no edge of those here could be pla
 
 
 def not_shown(session: Session, fit: Fit) -> dict[str, str]:
-    """Effect id → recording that would show it, in words."""
+    """Effect id → recording that would show it."""
     lacks = _lacking(session, fit)
     inside = set(effects_in(fit))
     out = {}

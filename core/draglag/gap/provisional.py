@@ -1,4 +1,4 @@
-"""A smooth, unnamed term for a gap that no effect explains."""
+"""A smooth, unnamed term."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ ROLES = {"latency": "ms", "direction": "ms", "offset": "mm", "width": "mm"}
 class Provisional:
     """Smooth function of a covariate, without a name.
 
-    Attributes: role: latency, offset, width, or direction, a latency of opposite sign for opposite travel. probability:
-    relative to noise alone. x, value, low, high: (k,) with 95 % band.
+    role: latency, offset, width, or direction, a latency of opposite sign for opposite travel. probability: relative to
+    noise alone. x, value, low, high: (k,) with 95 % band.
     """
 
     name: str
@@ -81,7 +81,7 @@ class Provisional:
 
 
 def provisional_term(report: GapReport) -> Provisional | None:
-    """Most probable smooth term, if possible of the report's covariate, that shrinks the held-out gap, if any."""
+    """Most probable smooth term that shrinks the held-out gap, if any."""
     if report.last is None or report.judgement is None or report.unexplained_by is None:
         return None
     fit, smooth = report.last, shape_free(report.last.view)
@@ -128,7 +128,7 @@ def _added(fit: Fit, covariate: str, role: str, probability: float, columns: Flo
 
 
 def _per_unit(view: View, role: str, columns: FloatArray) -> tuple[FloatArray, float]:
-    """Function of these residual columns, (m, k), and factor to ms or mm."""
+    """Function (m, k), and factor to ms or mm."""
     lever = view.v_across * view.stretch
     if role == "offset":
         return columns, 1.0

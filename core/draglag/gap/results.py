@@ -38,12 +38,12 @@ def stated(probability: float) -> str:
 
 
 def followed(covariate: str) -> str:
-    """What a gap follows, in words; an effect's id unchanged."""
+    """In words; an effect's id unchanged."""
     return FOLLOWS.get(covariate, covariate)
 
 
 def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, probability: float | None = None) -> str:
-    """The verdict ``unexplained`` in a sentence. stopped_at: limit on effects that ended the search."""
+    """The verdict ``unexplained``. stopped_at: limit on effects that ended the search."""
     word = "Unexplained" if probability is None else f"Unexplained (probability {stated(probability)})"
     scatter = covariate == "scatter"
     what = (
@@ -60,8 +60,8 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, p
 class Step:
     """One effect added.
 
-    Attributes: parameters: name → (value, 95 % interval). p_value: likelihood ratio. gaps: held-out RMS. probability:
-    of it or one indistinguishable from it.
+    parameters: name → (value, 95 % interval). p_value: likelihood ratio. gaps: on held-out runs. probability: of it or
+    one indistinguishable from it.
     """
 
     effect: str
@@ -94,14 +94,14 @@ class Step:
 
 
 def next_to_unnamed(step: Step) -> Step:
-    """Step at the lower probability next to something unnamed; unchanged if streams show it."""
+    """Step at the lower probability next to something unnamed, unless streams show it."""
     in_streams = effect_class(step.effect).detected_by
     return step if in_streams else replace(step, probability=NEXT_TO_UNNAMED * step.probability)
 
 
 @dataclass(frozen=True)
 class LawStatement:
-    """The curve's form: probability that it is not Eq. 5; misses_s: RMS from the nearest."""
+    """The curve's form. probability: that it is not Eq. 5; misses_s: RMS from the nearest."""
 
     adequate: bool = True
     probability: float = 0.0
@@ -119,7 +119,7 @@ class LawStatement:
 
 @dataclass(frozen=True)
 class Tolerated:
-    """Structure beyond chance below the size of interest. follows: covariate or effect id."""
+    """Structure below the size of interest. follows: covariate or effect id."""
 
     follows: str
     probability: float
@@ -151,10 +151,9 @@ class Statistic:
 class GapReport:
     """Result of the workflow.
 
-    Attributes: verdict: explained | no_gap | unexplained, or None with ``missing``. explanations: sets of effects with
-    probabilities, 95 % of the mass. not_seen: effect → recording that would show it. first, last: fits without and with
-    all steps. stopped_at: limit on effects that ended the search. excluded, flagged: run id → reason, flags of its
-    edges.
+    verdict: explained | no_gap | unexplained, or None with ``missing``. explanations: 95 % of the mass. not_seen:
+    effect → recording that would show it. first, last: fits without and with all steps. stopped_at: limit on effects
+    that ended the search. excluded, flagged: run id → reason, flags of its edges.
     """
 
     session: str

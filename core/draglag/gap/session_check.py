@@ -64,7 +64,7 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
 
 
 def times_out_of_order(session: Session) -> str:
-    """Sentence on runs whose touch times go back or are no numbers, else empty."""
+    """Sentence on runs with touch times that go back or are no numbers, or empty."""
     bad = [run.id for run in session.runs if _is_out_of_order(run.touch.t_s)]
     if not bad:
         return ""

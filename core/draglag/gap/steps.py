@@ -42,7 +42,7 @@ def reported(
     allowed: frozenset[str],
     max_effects: int,
 ) -> GapReport:
-    """Report of a judgement. sessions: as measured, and as repaired for the fits."""
+    """Report of a judgement. sessions: as measured, and as repaired."""
     session, ready = sessions
     named, strange = streams
     answer = answer_of(judgement.pool)
@@ -92,7 +92,7 @@ def _flagged(fit: Fit) -> dict[str, str]:
 
 
 def noise_parts(judgement: Judgement) -> tuple[NoisePart, ...]:
-    """Parts of the noise under the best explanation, largest first."""
+    """Parts under the best explanation, largest first."""
     found = judgement.pool.found[judgement.pool.best]
     search = found.search
     levels = search.levels[int(np.argmax(log_evidence(search, found.explanation)))]
@@ -103,7 +103,7 @@ def noise_parts(judgement: Judgement) -> tuple[NoisePart, ...]:
 
 @dataclass(frozen=True)
 class Link:
-    """One effect added to a fit; the first link of a chain adds none."""
+    """One effect added; the first of a chain adds none."""
 
     effect: str
     before: Fit
@@ -111,8 +111,7 @@ class Link:
 
 
 def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
-    """Chain up to the first effect that held-out runs do not support, and its covariate. Effects that hide each other
-    count together."""
+    """Chain up to the first effect that held-out runs do not support, and its covariate."""
     k = 1
     while k < len(chain):
         together = (m for m in range(k, len(chain)) if shrinks_or_predicts(chain[k].before, chain[m].after))
@@ -124,7 +123,7 @@ def _that_hold(chain: list[Link]) -> tuple[list[Link], str | None]:
 
 
 def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
-    """Chain up to the first effect that explains less mean square than stays unnamed."""
+    """Chain up to the first effect that explains less than stays unnamed."""
     last = chain[-1].after
     unexplained = gap_mm(last, edges) ** 2 - floor_mm(last, edges) ** 2
     for k, link in enumerate(chain[1:], start=1):
@@ -140,7 +139,7 @@ def law_of(judgement: Judgement, fit: Fit) -> LawStatement:
 
 
 def fits_in_order(session: Session, judgement: Judgement, effects: Names) -> list[Link]:
-    """First fit, then one more effect each, in order of the gap they close."""
+    """First fit, then one more effect each, in order of gap closed."""
     pool, fits = judgement.pool, dict(judgement.fits)
     out = [Link("", judgement.base, judgement.base)]
     names: Names = ()
@@ -173,7 +172,7 @@ def step_of(
     after: Fit,
     last: Fit | None = None,
 ) -> Step:
-    """One effect as a step, with those indistinguishable from it. last: fit that gives the parameters."""
+    """One effect as a step. last: fit that gives the parameters."""
     last = last or after
     alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
     p_any_form = _unknown_form(judgement, last)
@@ -255,7 +254,7 @@ def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fi
 def _unnamed_in_streams(
     sessions: tuple[Session, Session], strange: tuple[StreamEffect, ...], base: Fit, allowed: frozenset[str]
 ) -> str | None:
-    """Covariate of what streams or traces show and no allowed effect explains. Stalls count if repair leaves them."""
+    """Covariate of what streams or traces show and no allowed effect explains."""
     if strange:
         return effect_class(strange[0].effect).follows
     shown = (e for e in EFFECTS if e not in allowed and shown_by_traces(base, e))
@@ -266,6 +265,6 @@ def _unnamed_in_streams(
 
 
 def _unknown_form(judgement: Judgement, fit: Fit) -> float:
-    """Probability of an unknown form of the curve; 0 if Eq. 5 is adequate."""
+    """Probability of it; 0 if Eq. 5 is adequate."""
     law = law_of(judgement, fit)
     return 0.0 if law.adequate else law.probability

@@ -1,4 +1,4 @@
-"""Step from the difference of taps and drags: a clock, a filter or a prediction."""
+"""Step from the difference of taps and drags."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def waited_s(session: Session, effects: Sequence[Effect]) -> float:
 def with_taps(
     session: Session, judgement: Judgement, last: Fit, steps: list[Step], allowed: frozenset[str], p_any_form: float
 ) -> tuple[list[Step], Fit]:
-    """Steps for a probable difference of taps and drags, and the fit after them; may resize one of ``steps``."""
+    """Steps for a probable difference of taps and drags, and the fit after them. May resize one of ``steps``."""
     parting = [e for name, e in EFFECTS.items() if e.drags_early and name in allowed]
     effects = [made(step.effect, {k: v for k, (v, _) in step.parameters.items()}) for step in steps]
     offset = clock_offset(session, last, effects, waited_s(session, effects), p_any_form)
@@ -74,7 +74,7 @@ def with_taps(
 
 
 def _lead_of(step: Step) -> tuple[float, float]:
-    """Lead of drags over taps by a step, and its standard deviation, s."""
+    """Lead of drags, and its standard deviation, s."""
     value, (low, high) = next(iter(step.parameters.values()))
     return effect_class(step.effect).drags_early * value, (high - low) / (2 * Z95)
 
@@ -88,7 +88,7 @@ def _sized_by_taps(step: Step, offset: Offset) -> Step:
 
 
 def _of_size(offset: Offset, sign: int) -> tuple[float, tuple[float, float]]:
-    """Lead (sign 1) or lag (−1) of drags, with its interval."""
+    """Lead of drags (sign 1) or lag (−1)."""
     low, high = sorted(sign * end for end in offset.ci95_s)
     return sign * offset.value_s, (low, high)
 
@@ -98,6 +98,6 @@ def _off_the_asymptote(offset: Offset) -> str:
 
 
 def _moved_mm(effect: type[Effect], value: float, fit: Fit) -> list[FloatArray]:
-    """Shift of edges beyond a constant latency, (m,) of each alternative."""
+    """Beyond a constant latency, (m,) of each alternative."""
     options = effect.columns_at((value,), fit.view)
     return [np.asarray(one.columns(fit.view)[:, 0] * value) for one in options] or [np.zeros(fit.residual_mm.size)]

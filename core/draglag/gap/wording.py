@@ -111,7 +111,7 @@ def _to_separate(report: GapReport) -> list[str]:
 
 
 def separating_run(effect: str, alike: Sequence[str], extra_run: str) -> str:
-    """Recording that would separate an effect from those alike, or empty."""
+    """Recording that would separate them, or empty."""
     known = (EFFECTS[name].separated_by for name in (effect, *alike) if name in EFFECTS)
     return extra_run or next(filter(None, known), "")
 
@@ -163,7 +163,7 @@ def set_in_words(names: Sequence[str]) -> str:
 
 
 def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) -> Explanations:
-    """Probable sets beyond the first, without those that steps name with "or". steps: each an effect and its rivals."""
+    """Probable sets beyond the first, without those of ``steps``, each an effect and its rivals."""
     first = tuple(explanations[0][0]) if explanations else ()
     named = {column_of(name) for step in steps for name in step if name in EFFECTS}
     out = []
@@ -207,7 +207,7 @@ def drift_in_analysis(session: Session, report: GapReport) -> str:
 
 
 def drift_of_stamps_ppm(session: Session) -> float | None:
-    """Drift of laser stamps by clock comparisons, positive if fast; None without enough."""
+    """Drift by clock comparisons, positive if fast; None without enough."""
     if not session.clocks and not any(run.sync for run in session.runs):
         return None
     stamps, off = [], []

@@ -42,7 +42,7 @@ def close_gap(
 ) -> GapReport:
     """Report on a session without runs that ``analyze`` leaves out; ``missing`` lists what a verdict lacks.
 
-    candidates: effect ids; None: all. include: ids of runs to use although they went wrong, or ``all``.
+    candidates: effect ids. include: ids of runs to use although they went wrong, or ``all``.
 
     Raises DataError for an unknown candidate.
     """
@@ -80,7 +80,7 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
 
 
 def _first_fit(ready: Session, whole: Session) -> tuple[Session, Fit]:
-    """Session, repaired if it cannot be fitted as given, and its fit."""
+    """The session is repaired if it cannot be fitted as given."""
     try:
         return ready, fit_session(ready, gather(ready))
     except NO_FIT:

@@ -20,10 +20,10 @@ class Rig:
         noise_mm: standard deviation per axis; ``noise_slow_share`` of its variance is correlated over ``noise_slow_s``.
         run_latency_sd_s, run_offset_sd_mm: unexplained differences between runs.
         contact_loss_per_s, contact_loss_s: rate and mean duration.
-        sensor_response_s: delay of either kind of edge.
+        sensor_response_s: of either kind of edge.
         laser_clock_offset_s, laser_clock_ppm: against the host clock.
-        clock_width_s: of the bounds of a clock comparison.
-        tap_touch_s, tap_release_s, tap_spread_s: medians and spread of tap latency.
+        clock_width_s: of a clock comparison's bounds.
+        tap_touch_s, tap_release_s, tap_spread_s: medians and spread of latency.
     """
 
     screen: Screen

@@ -1,1 +1,1 @@
-"""The joint fit of curve, beam and effects, with noise estimated from the session."""
+"""The joint fit of curve, beam and effects."""

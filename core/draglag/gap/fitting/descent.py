@@ -26,7 +26,7 @@ ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges ar
 
 @dataclass(frozen=True)
 class Search:
-    """State of the search: parameters, mask of used edges, noise."""
+    """Parameters, mask of used edges, noise."""
 
     state: State
     use: np.ndarray
@@ -38,16 +38,13 @@ class Search:
         return cls(state, use, components, whitener(scatter(runs, state.placed, use, state.blur_mm), components))
 
     def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float) -> Search:
-        """The search at the likeliest rates of a grid, where those are better."""
+        """At the likeliest rates of a grid, if better."""
         state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm)
         return self if state is self.state else Search.at(runs, state, use, self.components)
 
 
 def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
-    """The converged search. fixed: the edges are those of a smaller model.
-
-    Edges and weights follow the law only at first; else the search would not converge.
-    """
+    """Converged search. fixed: edges of a smaller model. Edges and weights follow the law only at first."""
     width_mm = session.screen.width_mm
     settled = judged = False
     damping = 0.0
@@ -77,7 +74,6 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
 
 
 def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
-    """The search with its final edges and noise."""
     state = search.state
     use = search.use & (state.placed.ok if fixed else usable(state, runs, loose=False))
     if not use.any():
@@ -100,10 +96,7 @@ def _next(
     damping: float,
     least: float,
 ) -> tuple[State, np.ndarray, float, float] | None:
-    """A lower point, edges that cannot be placed there, the fall of the cost, and the next damping; None at the end.
-
-    Levenberg–Marquardt: Eq. 5's parameters lie in a narrow valley that plain steps leave.
-    """
+    """Lower point, edges that cannot be placed there, fall of the cost, next damping; None at the end."""
     down = downhill(white, state, use)
     if down.step(0.0)[1] < least:
         return None

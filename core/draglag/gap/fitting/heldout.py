@@ -1,4 +1,4 @@
-"""The gap on runs held out of the fit, and its noise floor."""
+"""The gap on held-out runs, and its noise floor."""
 
 from __future__ import annotations
 
@@ -18,10 +18,7 @@ IN_EVERY_FIT = -1
 
 
 def folds(fit: Fit) -> IntArray:
-    """Fold of each used edge, (m,), by run: replicates and neighbouring speeds in different folds.
-
-    The extreme speeds, where run once, stay in every fit (−1): a law is not extrapolated.
-    """
+    """Fold of each used edge, (m,), by run, neighbouring speeds apart; −1, in every fit: extreme speeds run once."""
     nominal = [data.run.nominal_speed_mm_s for data in fit.runs]
     steady = sorted((round(float(v), 1), k) for k, v in enumerate(nominal) if v is not None)
     fold_of_run = {k: place % FOLDS for place, (_, k) in enumerate(steady)}
@@ -33,7 +30,7 @@ def folds(fit: Fit) -> IntArray:
 
 
 def held_out_residual_mm(fit: Fit) -> FloatArray:
-    """Residual of every used edge under parameters fitted without its fold, (m,) mm."""
+    """Residual of each used edge, fitted without its fold, (m,)."""
     fold = folds(fit)
     a, b = _white(fit)
     out = fit.residual_mm.copy()
@@ -45,10 +42,7 @@ def held_out_residual_mm(fit: Fit) -> FloatArray:
 
 
 def noise_variance_mm2(fit: Fit) -> FloatArray:
-    """Variance of held-out residuals by noise alone, (m,) mm².
-
-    Latency offset and uneven following of runs of changing speed, which the fit allows for, do not count as noise.
-    """
+    """Variance of held-out residuals by noise, (m,), without level and uneven following of changing speeds."""
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     noise_mm = np.where(fit.placed.steady[fit.use], parts.uneven_mm, 0.0)
     parts = replace(parts, loose_s=np.zeros(len(fit.runs)), uneven_mm=noise_mm)
@@ -71,23 +65,22 @@ def _spread(fit: Fit, design: FloatArray) -> FloatArray:
 
 
 def _counted(fit: Fit, edges: np.ndarray | None) -> np.ndarray:
-    """Used edges (m,) of runs held out of some fit, and among ``edges``."""
     counted: np.ndarray = folds(fit) != IN_EVERY_FIT
     return counted if edges is None else counted & edges[fit.use]
 
 
 def gap_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
-    """RMS residual on held-out runs, mm. edges: mask over placed edges; None: all."""
+    """RMS residual on held-out runs. edges: mask over placed edges; None: all."""
     return float(np.sqrt(np.mean(held_out_residual_mm(fit)[_counted(fit, edges)] ** 2)))
 
 
 def floor_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
-    """RMS by noise alone on held-out runs, mm. edges: as for ``gap_mm``."""
+    """``gap_mm`` by noise alone."""
     return float(np.sqrt(np.mean(noise_variance_mm2(fit)[_counted(fit, edges)])))
 
 
 def predictive_gain(before: Fit, after: Fit) -> float:
-    """Gain of log predictive density on held-out runs, nats, on shared edges, each under its own noise."""
+    """Gain of log predictive density on shared held-out edges, each under its own noise."""
     both = before.use & after.use
     return _log_predictive(after, both) - _log_predictive(before, both)
 
@@ -100,23 +93,20 @@ def _log_predictive(fit: Fit, edges: np.ndarray) -> float:
 
 
 def shrinks(before: Fit, after: Fit) -> bool:
-    """Whether the held-out RMS falls by more than ``SHRINKS_BY``, on shared edges."""
+    """Whether the held-out RMS falls by more than ``SHRINKS_BY``."""
     both = before.use & after.use
     return gap_mm(after, both) < (1 - SHRINKS_BY) * gap_mm(before, both)
 
 
 def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
-    """Whether held-out runs favour the larger model: smaller RMS, or better prediction without a growing mean square.
-
-    RMS rests on the fastest runs and hardly shows what moves few edges, or all a little.
-    """
+    """Whether held-out RMS falls, or prediction improves while the mean square does not grow."""
     if shrinks(before, after):
         return True
     return not grows(before, after) and predictive_gain(before, after) > PREDICTS_NATS
 
 
 def grows(before: Fit, after: Fit) -> bool:
-    """Whether the held-out mean square grows, at 95 % by its variance between runs."""
+    """Whether the held-out mean square grows, at 95 %."""
     both = before.use & after.use
     old, new = squares_by_run(before, both), squares_by_run(after, both)
     more_mm2 = np.array([new[run][0] - old[run][0] for run in old])
@@ -124,13 +114,13 @@ def grows(before: Fit, after: Fit) -> bool:
 
 
 def squares_by_run(fit: Fit, edges: np.ndarray | None = None) -> dict[int, tuple[float, int]]:
-    """Run → sum of squared held-out residuals, mm², and their number. edges: as for ``gap_mm``."""
+    """Run → sum of squared held-out residuals, and their number."""
     counted = _counted(fit, edges)
     residual_mm, run = held_out_residual_mm(fit)[counted], fit.run_index[counted]
     return {int(k): (float(np.sum(residual_mm[run == k] ** 2)), int(np.sum(run == k))) for k in np.unique(run)}
 
 
 def shrinks_with(fit: Fit, columns: FloatArray) -> bool:
-    """``shrinks`` for columns (m, k) of an unnamed effect."""
+    """``shrinks`` by columns (m, k)."""
     prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
     return shrinks(fit, replace(fit, design=np.column_stack([fit.design, columns]), prior=prior))

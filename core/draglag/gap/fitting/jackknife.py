@@ -1,4 +1,4 @@
-"""Jackknife standard deviations over runs, valid for any noise model."""
+"""Jackknife over runs, valid for any noise model."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ LEAST_RUNS = 5  # of a jackknife
 
 
 def jackknife_sd(fit: Fit) -> FloatArray:
-    """Standard deviation of each linear parameter, (p,), by the jackknife over runs (Efron & Stein 1981).
+    """Standard deviation of each linear parameter, (p,) (Efron & Stein 1981); zero with few runs.
 
-    It includes latency that varies with place or time between runs, and noise as long as a pass, unlike the covariance.
-    A run without which a parameter is undefined is skipped. Zero with fewer than 5 runs.
+    Runs without which it is undefined are skipped.
     """
     white = fit.white
     a, b = white.apply(fit.design), white.apply(fit.residual_mm)

@@ -1,4 +1,4 @@
-"""The joint Gauss–Newton fit of curve, beam and effects."""
+"""The joint Gauss–Newton fit."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 
 @dataclass(frozen=True)
 class Fit:
-    """A converged joint fit.
+    """Converged joint fit.
 
-    Attributes (m used edges): use: mask over placed; residual_mm: (m,); design: (m, p), base then terms; view: of used
-    edges; white: under the likeliest of ``noises``, a grid of run components; only: mask of allowed edges, None: all.
+    use: mask over placed edges. residual_mm (m,), design (m, p), base then terms, view: of used edges. noises: grid of
+    run components; white: of the likeliest. only: mask of allowed edges; None: all.
     """
 
     runs: tuple[RunData, ...]
@@ -60,7 +60,7 @@ class Fit:
 
 
 def effects_in(fit: Fit) -> tuple[str, ...]:
-    """Sorted ids of the effects in a fit's terms and law."""
+    """Sorted ids of effects in terms and law."""
     named = [term.effect for term in fit.terms if term.effect in EFFECTS]
     return tuple(sorted([*named, *effects_in_law(fit)]))
 
@@ -85,12 +85,12 @@ def fit_session(
     law: LawParameters | None = None,
     only: np.ndarray | None = None,
 ) -> Fit:
-    """The joint fit of law, beam and terms.
+    """Joint fit of law, beam and terms.
 
-    start: a smaller model, which gives the edges, so that fits can be compared, and first sizes. law: initial, instead
-    of the runs' latencies. only: mask of allowed edges.
+    start: smaller model, which gives edges, for comparison, and first sizes. law: initial; None: from the runs'
+    latencies. only: mask of allowed edges.
 
-    Raises EstimateError when the session cannot carry the law.
+    Raises EstimateError if the session cannot carry the law.
     """
     width_mm = session.screen.width_mm
     runs, terms = _on_their_traces(runs, terms)
@@ -168,14 +168,14 @@ def _concluded(
 
 
 def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[tuple[RunData, ...], Sequence[Term]]:
-    """Traces without the terms' displacement, and what remains of the terms."""
+    """Traces with terms undone, and the remaining terms."""
     each = [effect_class(term.effect).undoing(term, runs) for term in terms]
     ready = undone(runs, [what for what, _ in each if what is not None])
     return ready, [left for _, left in each]
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:
-    """The set of sized terms that fits the edges of ``before`` best under a law, without a refit."""
+    """Terms that fit best under a law, without a refit."""
     values: list[float] = []
     for terms in options:
         state = linearise(before.runs, law, before.geometry, terms, before.width_mm, None)
@@ -188,10 +188,7 @@ def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParam
 
 
 def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
-    """Log-likelihood of a fit on some of its edges, for comparison with refits that lost a few.
-
-    edges: mask over placed edges, a subset of ``fit.use``.
-    """
+    """Log-likelihood on a mask of placed edges, within ``fit.use``."""
     parts = scatter(fit.runs, fit.placed, edges, fit.blur_mm)
     keep = edges[fit.use]
     value = likelihoods(parts, fit.residual_mm[keep], fit.design[keep], fit.prior)
@@ -199,7 +196,7 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
 
 
 def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tuple[float, ...]]]:
-    """Mean latency that the terms add to each run, (runs,) s, and their sizes, from one linear step."""
+    """Mean latency added to each run, (runs,), and sizes, by one linear step."""
     signatures = [term_signature(t, start.view) for t in terms]
     new = np.column_stack([s.columns(start.view) for s in signatures])
     n_base = base_prior(start.law).size
@@ -224,7 +221,7 @@ def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tu
 
 
 def latency_of_terms(fit: Fit) -> FloatArray:
-    """Mean latency that the fit's terms add to each run, (runs,) s."""
+    """Mean latency that terms add to each run, (runs,)."""
     out = np.zeros(len(fit.runs))
     for term in fit.terms:
         latency = term_signature(term, fit.view).latency

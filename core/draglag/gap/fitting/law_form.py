@@ -1,7 +1,4 @@
-"""A curve of free form: Eq. 5 plus a Gaussian process in ln v.
-
-Screens also follow constant, power, logistic and adaptive low-pass laws; those are no gap.
-"""
+"""Eq. 5 plus a Gaussian process in ln v."""
 
 from __future__ import annotations
 
@@ -26,7 +23,7 @@ SPEEDS = 60  # at which a curve is compared with Eq. 5
 
 @dataclass(frozen=True)
 class FlexibleLaw(LawParameters):
-    """Eq. 5 plus a smooth remainder. knots: in ln v; remainder_s: size of each direction, s."""
+    """Eq. 5 plus a smooth remainder; knots in ln v."""
 
     knots: tuple[float, ...] = ()
     remainder_s: tuple[float, ...] = ()
@@ -37,7 +34,7 @@ class FlexibleLaw(LawParameters):
         return np.asarray(super().__call__(speed) + rest.reshape(speed.shape))
 
     def columns(self, speed_mm_s: FloatArray) -> FloatArray:
-        """Columns of Eq. 5 and of the remainder's directions, (m, 5 + k) s."""
+        """Columns of Eq. 5, then of the remainder, (m, 5 + k)."""
         return np.column_stack([super().columns(speed_mm_s), basis(speed_mm_s, self.knots)])
 
     @property
@@ -51,7 +48,7 @@ class FlexibleLaw(LawParameters):
 
 
 def knots_over(speed_mm_s: FloatArray) -> tuple[float, ...]:
-    """Knots in ln v over the speeds of a session."""
+    """Knots in ln v over these speeds."""
     ln = np.log(np.maximum(speed_mm_s, 1.0))
     low, high = np.quantile(ln, [0.005, 0.995])
     return tuple(float(at) for at in np.linspace(low - 0.1, high + 0.1, LAW_KNOTS))
@@ -66,7 +63,6 @@ def basis(speed_mm_s: FloatArray, knots: tuple[float, ...]) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _directions(knots: tuple[float, ...]) -> FloatArray:
-    """Weights of the knots in each direction, (knots, k)."""
     at = np.array(knots)
     variance, axes = np.linalg.eigh(_covariance(at, at))
     return np.asarray(axes / np.sqrt(np.maximum(variance, TRIVIAL)))
@@ -77,7 +73,7 @@ def _covariance(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def flexible(law: LawParameters, knots: tuple[float, ...]) -> FlexibleLaw:
-    """Eq. 5 with a remainder of zero over the knots."""
+    """Eq. 5 with a remainder of zero."""
     none = (0.0,) * len(knots)
     return FlexibleLaw(law.a1_s, law.a2_s_mm, law.a4_s, law.a5_s_mm, law.a7_s, 0.0, knots, none)
 
@@ -88,7 +84,7 @@ def _speeds(speed_mm_s: FloatArray) -> FloatArray:
 
 
 def nearest_eq5(law: LawParameters, speed_mm_s: FloatArray) -> LawParameters:
-    """The nearest Eq. 5 over the speeds of the edges; an Eq. 5 is returned unchanged, with its plateau."""
+    """Nearest Eq. 5 over these speeds; unchanged if it is one."""
     if not isinstance(law, FlexibleLaw):
         return law
     v = _speeds(speed_mm_s)
@@ -115,6 +111,6 @@ def _eq5_through(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters
 
 
 def remainder_rms_s(law: LawParameters, speed_mm_s: FloatArray) -> float:
-    """RMS difference of a law from its nearest Eq. 5, s."""
+    """RMS difference from the nearest Eq. 5."""
     v = _speeds(speed_mm_s)
     return float(np.sqrt(np.mean((law(v) - nearest_eq5(law, speed_mm_s)(v)) ** 2)))

@@ -1,4 +1,4 @@
-"""Likelihood of residuals under a scatter, and the scatter that maximises it."""
+"""Likelihood of residuals, and its maximum over noise components."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: Fl
 def likelihoods(
     parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray
 ) -> Callable[[Components], float]:
-    """Profile log-likelihood as a function of the scatter, its banded part cached."""
+    """Profile log-likelihood as a function of the components."""
     both = np.column_stack([design, residual])
 
     @cache
@@ -57,7 +57,7 @@ def likeliest(
     starts: Sequence[Components],
     rounds: int = 2,
 ) -> Components:
-    """Components of maximum likelihood, by coordinate search from several starts."""
+    """Components of maximum likelihood, by coordinate search."""
     value = likelihoods(parts, residual, design, prior)
     ends = []
     for best in starts:
@@ -69,16 +69,15 @@ def likeliest(
 
 
 def cost_without_nuisances(white: Whitener, state: State, use: np.ndarray) -> float:
-    """Huber's cost at the best nuisances, lest a step be refused for what they absorb, and the sizes' prior."""
+    """Huber's cost at the best nuisances, and the sizes' prior."""
     left, own_cost = _without_nuisances(white, state, use)
     return _huber_cost(left) + own_cost + _prior_cost(state)
 
 
 @dataclass(frozen=True)
 class Downhill:
-    """Gauss–Newton model of the cost, nuisances at their best.
-
-    Attributes: curvature (p, p), slope (p,): zero for nuisances. limit (p,): precision of a step of law and beam.
+    """Gauss–Newton model of the cost. curvature (p, p), slope (p,): zero for nuisances. limit (p,): precision of a step
+    of law and beam.
     """
 
     curvature: FloatArray
@@ -94,7 +93,7 @@ class Downhill:
 
 
 def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
-    """The Gauss–Newton model at a point, outliers weighted down (Huber)."""
+    """Model at a point, outliers weighted down."""
     left, own_cost = _without_nuisances(white, state, use)
     sought = white.apply(state.design[use])
     huber = 1 / np.sqrt(np.maximum(1.0, np.abs(left) / HUBER_K))
@@ -126,7 +125,7 @@ def _nuisances(state: State) -> slice:
 
 
 def _without_nuisances(white: Whitener, state: State, use: np.ndarray) -> tuple[FloatArray, float]:
-    """Whitened residual after the best nuisances (m,), and their prior cost."""
+    """Whitened residual (m,), and prior cost of the nuisances."""
     own = _nuisances(state)
     a, b = white.apply(state.design[use][:, own]), white.apply(state.residual[use])
     precision: FloatArray = state.prior[own]

@@ -1,4 +1,4 @@
-"""Gain of pairs of columns on a fit's residual, to find settings worth a refit."""
+"""Gain of pairs of columns on a fit's residual."""
 
 from __future__ import annotations
 

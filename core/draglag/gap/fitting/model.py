@@ -1,4 +1,4 @@
-"""The model of a session: latency law, beam and effects."""
+"""Latency law, beam and their columns."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
 
 @dataclass(frozen=True)
 class LawParameters:
-    """Eq. 5 with a3 = a6 = 0: a1, a4, a7 in s, a2, a5 in s/mm. plateau_mm_s: below it L is constant; 0: none."""
+    """Eq. 5 with a3 = a6 = 0. plateau_mm_s: below it L is constant; 0: none."""
 
     a1_s: float
     a2_s_mm: float
@@ -65,18 +65,16 @@ class LawParameters:
 
     @property
     def step_sd(self) -> tuple[float, ...]:
-        """Prior standard deviation of a step of each parameter, as in ``columns``."""
+        """Prior standard deviations, as in ``columns``."""
         plateau = (PLATEAU_SD_MM_S,) if self.plateau_mm_s > 0 else ()
         return AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, *plateau
 
     def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
-        """The law's argument: the speed, at least the plateau's."""
+        """The speed, at least the plateau's."""
         return self._held(speed_mm_s)[0] if self.plateau_mm_s > 0 else speed_mm_s
 
     def _held(self, speed_mm_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The law's argument, its corner rounded by the uncertainty of a speed, and the derivative by the plateau's
-        speed.
-        """
+        """Argument with a rounded corner, and its derivative by the plateau's speed."""
         if self.plateau_mm_s <= 0:
             return speed_mm_s, np.zeros_like(speed_mm_s)
         width = CORNER * self.plateau_mm_s
@@ -86,13 +84,13 @@ class LawParameters:
 
     @property
     def at_bounds(self) -> np.ndarray:
-        """Which of a1, a2, a4, a5 are at a bound, (4,) bool."""
+        """Which of a1, a2, a4, a5 are at a bound, (4,)."""
         small = [a <= LEAST_AMPLITUDE_S for a in (self.a1_s, self.a4_s)]
         ends = [not LEAST_RATE_S_MM < rate < MOST_RATE_S_MM for rate in (self.a2_s_mm, self.a5_s_mm)]
         return np.array([small[0], ends[0], small[1], ends[1]])
 
     def moved(self, step: FloatArray) -> Self:
-        """The law after a step as in ``columns``, rates by their logarithm."""
+        """Law after a step as in ``columns``."""
         limited = np.clip(step[[1, 3]], -0.7, 0.7)
         moved = replace(
             self,
@@ -110,7 +108,7 @@ class LawParameters:
 
 
 def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:
-    """Eq. 5 fitted to the runs' latencies less ``less_s``, (runs,) s. Raises EstimateError for too few."""
+    """Eq. 5 through the runs' latencies less ``less_s``. Raises EstimateError for too few."""
     rows = []
     for k, data in enumerate(runs):
         e = data.estimate
@@ -141,7 +139,7 @@ def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: 
 
 @dataclass(frozen=True)
 class Geometry:
-    """Beam y = slope · x + intercept, and the stylus' nominal diameter."""
+    """Beam y = slope · x + intercept; the stylus' diameter."""
 
     slope: float
     intercept_mm: float
@@ -149,7 +147,7 @@ class Geometry:
 
 
 def residual_mm(placed: Placed, geometry: Geometry) -> FloatArray:
-    """n·p(t + L) − b − s·D/2 at every edge, mm, positive downwards."""
+    """n·p(t + L) − b − s·D/2 at each edge, positive downwards."""
     norm = np.hypot(1.0, geometry.slope)
     across = (placed.xy_mm[:, 1] - geometry.slope * placed.xy_mm[:, 0] - geometry.intercept_mm) / norm
     return np.asarray(across - 0.5 * geometry.diameter_mm * side_of(placed))
@@ -161,7 +159,7 @@ def side_of(placed: Placed) -> FloatArray:
 
 
 def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
-    """Derivatives of the residual by law, beam (slope, intercept) and nuisances of the speed, (m, law's + 5) mm."""
+    """Derivatives of the residual by law, beam and nuisances, (m, law's + 5)."""
     v_n = placed.v_mm_s[:, 1] * placed.stretch
     columns = v_n[:, None] * law.columns(placed.speed_mm_s)
     x = placed.xy_mm[:, 0]
@@ -175,6 +173,6 @@ def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
 
 
 def base_prior(law: LawParameters) -> FloatArray:
-    """Prior precision of each base parameter's step."""
+    """Prior precision of a step of each base parameter."""
     nuisances = 1 / np.square([FOLLOWS_LATER_SD, FLATTENING_SD, BENT_SD_S2])
     return np.concatenate([1 / np.square(law.step_sd), [0.0, 0.0], nuisances])

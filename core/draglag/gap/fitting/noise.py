@@ -1,8 +1,4 @@
-"""Covariance of residuals.
-
-Touch noise is known from the trace; edges with overlapping windows share it, through position and speed. Other parts
-are sized by likelihood on a grid.
-"""
+"""Covariance of residuals, in parts."""
 
 from __future__ import annotations
 
@@ -35,8 +31,8 @@ Sizes = dict[str, float]
 class Components:
     """Standard deviations beyond touch noise.
 
-    edge_mm: single edges. speed: relative error of the law's speed; tremor_mm_s: absolute, 5 mm/s for 0.1 mm at 9 Hz.
-    uneven: relative error of following changes of speed in a run. run_s, run_mm: latency and offset of a run.
+    speed: relative error of the law's speed; tremor_mm_s: absolute. uneven: relative error of following changes of
+    speed.
     """
 
     edge_mm: float
@@ -60,9 +56,8 @@ BETWEEN = tuple(product(RUN_S, RUN_MM))
 class Scatter:
     """Covariance of used edges (m,) per unit component; bands (b, m): row j holds edges i and i + j of one run.
 
-    Attributes: fixed_mm2: touch noise, time of the speed, estimated acceleration. speed_mm2, tremor_s2: relative and
-    absolute error of the speed. late_mm_s, uneven_mm: (m,) by the run's latency and uneven following. run: (m,) index.
-    loose_s: (runs,) by how much runs of changing speed may miss the law.
+    fixed_mm2: touch noise, time of the speed, acceleration. late_mm_s, uneven_mm: (m,) by the run's latency and uneven
+    following. loose_s: (runs,) misfit allowed to runs of changing speed.
     """
 
     fixed_mm2: FloatArray
@@ -75,7 +70,7 @@ class Scatter:
 
 
 def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm: FloatArray) -> Scatter:
-    """The scatter of the used edges. blur_mm: (all placed) error by effects of the acceleration."""
+    """Scatter of the used edges. blur_mm: (all placed) error by effects of the acceleration."""
     run, t_s = placed.run[use], placed.t_s[use]
     m = run.size
     late_mm_s = placed.v_mm_s[use, 1]
@@ -111,6 +106,6 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
 
 
 def timing_mm(placed: Placed) -> FloatArray:
-    """Error of the residual by the time of the speed, (m,) mm standard deviation."""
+    """Standard deviation by the time of the speed, (m,)."""
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
     return np.asarray(follows * placed.accel_mm_s2 * SPEED_TIMING_S)

@@ -1,4 +1,4 @@
-"""Parameters of a fitted effect and where it acts."""
+"""Parameters of a fitted effect."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from draglag.simulation.effects.in_fits import FittedTerm, Parameters
 
 
 def parameters_of(effect: str, fit: Fit) -> Parameters:
-    """Parameters of an effect, in the units of its class; empty where the fit has none."""
+    """Parameters of an effect; empty if the fit has none."""
     home = effect_class(effect)
     if home.of_the_law:
         return home.law_parameters(fit)
@@ -28,7 +28,7 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
 
 
 def whole_size_mm(fit: Fit, effect: str) -> float | None:
-    """RMS shift of the edges by a term, mm to first order; None where the fit has none."""
+    """RMS shift of the edges to first order, if in the fit."""
     column, at = column_of(effect), base_prior(fit.law).size
     for term in fit.terms:
         k = len(term.sizes)

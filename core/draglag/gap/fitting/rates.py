@@ -1,7 +1,4 @@
-"""Grid search of Eq. 5's rates and plateau, all else linear (variable projection, Golub and Pereyra 1973).
-
-It finds valleys that Gauss–Newton misses from its start.
-"""
+"""Grid search of Eq. 5's rates and plateau, all else linear (variable projection, Golub and Pereyra 1973)."""
 
 from __future__ import annotations
 
@@ -21,10 +18,9 @@ PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one
 
 @dataclass(frozen=True)
 class WithoutLaw:
-    """Whitened residuals of m edges before any law, and what all laws share.
+    """Whitened residuals before any law.
 
-    Attributes: target (m,). others (m, q): asymptote and all but the law; spread (q, q): covariance; moment (q,) of the
-    target. v_n (m,) mm/s across. huber (m, 1): weights.
+    others (m, q): asymptote and all but the law, with covariance ``spread`` and ``moment``. huber (m, 1): weights.
     """
 
     target: FloatArray
@@ -39,8 +35,9 @@ class WithoutLaw:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of rates at one plateau. first, second: (k,) indices; sizes: (k, 2) amplitudes, s; gain: (k,) twice the
-    log-likelihood, −∞ for a vanishing amplitude; alone: gain of the best single rate; cross: (q, rates).
+    """Pairs of rates (k,) at one plateau.
+
+    gain: twice the log-likelihood, −∞ for a vanishing amplitude; alone: of the best single rate. cross: (q, rates).
     """
 
     first: np.ndarray
@@ -60,7 +57,7 @@ def without_law(
     prior: FloatArray,
     white: Whitener,
 ) -> WithoutLaw:
-    """The system without its law. rest: (m, p) other columns, prior (p,) their precision."""
+    """System without its law. rest: (m, p) other columns."""
     whole = white.apply(np.column_stack([residual_mm - v_n * law(speed_mm_s), -v_n, rest]))
     huber = 1 / np.sqrt(np.maximum(1.0, np.abs(white.apply(residual_mm)) / HUBER_K))[:, None]
     target, others = whole[:, 0] * huber[:, 0], whole[:, 1:] * huber
@@ -90,7 +87,7 @@ def pairs_at(white_system: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArr
 
 
 def best_rates(state: State, white: Whitener, use: np.ndarray) -> tuple[LawParameters, FloatArray] | None:
-    """The likeliest law of the grid and the step (p,) of all else; None where no pair has two falling exponentials."""
+    """Likeliest law of the grid and step (p,) of all else, if any."""
     law = state.law
     n_law = 6 if law.plateau_mm_s > 0 else 5
     v_n = state.placed.v_mm_s[use, 1] * state.placed.stretch[use]

@@ -1,4 +1,4 @@
-"""Relative cost of a point of the joint fit, and the best law near it."""
+"""Cost of a point, and the best law near it."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ MAY_STRAY = 0.1  # of the edges
 
 
 def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:
-    """Cost of a state, and mask of edges (m,) that cannot be placed: they keep their earlier cost, or if many make
-    it ∞.
-    """
+    """Cost of a state, ∞ if many edges cannot be placed; mask of those, which keep their earlier cost."""
     strayed = use & ~(state.placed.ok & np.isfinite(state.residual))
     if np.count_nonzero(strayed) > MAY_STRAY * np.count_nonzero(use):
         return np.inf, strayed
@@ -32,7 +30,7 @@ def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarr
 def at_best_rates(
     state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float
 ) -> tuple[State, np.ndarray]:
-    """The state and edges at the grid's best rates, where likelier; unchanged for a law with its own form."""
+    """State and edges at the best rates, if likelier; unchanged for a ``FlexibleLaw``."""
     if isinstance(state.law, FlexibleLaw):
         return state, use
     found = best_rates(state, white, use)

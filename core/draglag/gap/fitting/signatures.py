@@ -1,4 +1,4 @@
-"""Signatures of effects in a session, and smooth unnamed terms."""
+"""Signatures of effects, and smooth unnamed terms."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: fl
 
 
 def averaged_of(placed: Placed) -> Averaged:
-    """Weights of the events in each edge's position."""
+    """Weights of events in edges' positions."""
     x_mm, y_mm = placed.traces.smooth_mm.T
     return Averaged(partial(_position_rows, placed), x_mm, y_mm, placed.traces.t_s, placed.traces.xy_mm)
 
@@ -72,7 +72,7 @@ def _position_rows(placed: Placed) -> csr_matrix:
 
 
 def _spline(values: FloatArray, knots: int) -> FloatArray:
-    """Natural cubic spline basis without constant, knots at quantiles, columns of unit spread."""
+    """Natural cubic splines without constant, of unit spread."""
     at = np.unique(np.quantile(values, np.linspace(0, 1, knots)))
     if at.size < 3:
         scaled = values - values.mean()
@@ -92,7 +92,7 @@ def _spline(values: FloatArray, knots: int) -> FloatArray:
 
 
 def _settled_s(v: View) -> FloatArray:
-    """Time in the run, s; constant in chirps, where it means frequency."""
+    """Time in the run; constant in chirps, where it means frequency."""
     return (
         np.where(v.steady, v.in_run_s, np.median(v.in_run_s[v.steady])) if v.steady.any() else np.zeros(v.steady.size)
     )
@@ -126,7 +126,7 @@ def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
 
 
 def jumps(v: View) -> list[tuple[str, str, Signature]]:
-    """(covariate, role, signature) of jumps in position or latency, at an x or a moment."""
+    """(covariate, role, signature) of jumps in position or latency."""
     at = np.quantile(v.x_mm, JUMPS)
     shifted = v.averaged.rows @ (v.averaged.x_mm[:, None] > at).astype(float)
     out = []

@@ -1,4 +1,4 @@
-"""A point of the joint fit: parameters, and the session linearised there."""
+"""A point of the joint fit, and the session linearised there."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FAR_MM = 1.5  # an edge this uncertain decides nothing
 
 @dataclass(frozen=True)
 class Term:
-    """An effect in the model. theta: non-linear setting; sizes: (k,) amplitudes."""
+    """An effect in the model, at setting theta."""
 
     effect: str
     theta: tuple[float, ...] = ()
@@ -39,7 +39,7 @@ def term_signature(term: Term, view: View) -> Signature:
 
 
 def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray:
-    """Prior precision of a step of every size."""
+    """Prior precision of a step of each size."""
     each = [max(effect_class(term.effect).prior_sd ** -2, FREE) for term in terms]
     return np.repeat(each, [c.shape[1] for c in columns]).astype(float)
 
@@ -91,19 +91,18 @@ def linearise(
 
 @lru_cache(maxsize=2)
 def _placed_by_law(runs: tuple[RunData, ...], law: LawParameters, delay: SpeedDelay) -> Placed:
-    """Cached: many sets of terms are tried with one law."""
     return place(runs, law, delay=delay)
 
 
 def _speed_delay(terms: Sequence[Term]) -> SpeedDelay:
-    """The delay of the law's speed: delays add up; a share of the latency replaces them."""
+    """Sum of delays, or the first share of the latency."""
     delays = [one for t in terms if (one := effect_class(t.effect).speed_delay(t.theta)) is not None]
     shares = [one for one in delays if one[0]]
     return shares[0] if shares else (0.0, sum(delay_s for _, delay_s in delays))
 
 
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
-    """Error of each edge by columns known to a share only, mm."""
+    """Error by columns known to a share only."""
     blur = np.zeros(view.x_mm.size)
     for term, column in zip(terms, columns, strict=True):
         share = effect_class(term.effect).unsure_share
@@ -122,7 +121,7 @@ def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, place
 def stepped(
     state: State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float, law: LawParameters | None = None
 ) -> State:
-    """The point a step away. law: replaces the stepped one."""
+    """Point a step away. law: replaces the stepped one."""
     n = base_prior(state.law).size
     beam = n - N_NUISANCES - 2
     law = law or state.law.moved(step[:beam])
@@ -146,7 +145,7 @@ def stepped(
 
 
 def usable(state: State, runs: tuple[RunData, ...], loose: bool) -> np.ndarray:
-    """Edges that are well placed, not outlying in their run, not too uncertain."""
+    """Edges well placed, not outlying in their run, not too uncertain."""
     placed = state.placed
     use = placed.ok & np.isfinite(state.residual) & np.isfinite(state.design).all(1)
     follows = placed.v_mm_s[:, 1] * placed.stretch * placed.slope_s2_mm
@@ -171,7 +170,6 @@ def total(signatures: Sequence[Signature], terms: Sequence[Term], view: View, ro
 
 
 def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarray, loose: bool) -> np.ndarray:
-    """Mask of edges without outliers about latency and offset of each run."""
     keep = np.ones(residual.size, bool)
     most = 9 if loose else 5
     for k in np.unique(placed.run):
@@ -195,7 +193,7 @@ def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarr
 
 
 def _residual_after_levels(z: FloatArray, design: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Absolute studentised residuals of a robust fit, and leverages, (m,)."""
+    """Studentised residuals of a robust fit, leverages; (m,)."""
     weight = np.ones(z.size)
     for _ in range(5):
         beta = np.linalg.lstsq(design * weight[:, None], z * weight, rcond=None)[0]

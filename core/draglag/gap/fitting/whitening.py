@@ -1,7 +1,6 @@
 """Whitening by a covariance that is banded within a run, plus rank three for the run.
 
-C = B + U Uᵀ with B = L Lᵀ banded. With Ũ = L⁻¹ U, the Cholesky factor of C is L M, M that of I + Ũ Ũᵀ by recursive
-least squares: linear in the number of edges.
+C = B + U Uᵀ, B = L Lᵀ banded. With Ũ = L⁻¹ U, the Cholesky factor of C is L M, M that of I + Ũ Ũᵀ.
 """
 
 from __future__ import annotations
@@ -18,10 +17,10 @@ from draglag.recording import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Whitener:
-    """Cholesky factor of a covariance C; ``log_det`` is ln |C|.
+    """Cholesky factor of a covariance C.
 
-    Attributes: variance_mm2: (m,) diagonal of C. banded: (b, m) L. common: (m, 3) Ũ. lead: (m, 3) rows of Ũ times the
-    inverse of I + Ũᵀ Ũ over the run's earlier edges. step: (m,) diagonal of M. begin: (m,) the run's first edge.
+    variance_mm2: (m,) diagonal of C. banded: (b, m) L. common: (m, 3) Ũ. lead: (m, 3) rows of Ũ times the inverse of I
+    + Ũᵀ Ũ over the run's earlier edges. step: (m,) diagonal of M. begin: (m,) the run's first edge.
     """
 
     components: Components
@@ -34,7 +33,7 @@ class Whitener:
     log_det: float
 
     def apply(self, values: FloatArray) -> FloatArray:
-        """White values of the shape given, (m,) or (m, k)."""
+        """White values, (m,) or (m, k)."""
         columns = values.reshape(values.shape[0], -1)
         if not columns.size:
             return np.zeros(values.shape)
@@ -43,7 +42,7 @@ class Whitener:
         return np.asarray(white, np.float64).reshape(values.shape)
 
     def colour(self, white: FloatArray) -> FloatArray:
-        """Residuals (m, k) from white ones: the inverse of ``apply``."""
+        """Inverse of ``apply``, (m, k)."""
         x = self._without_common(white * self.step[:, None], self.lead / self.step[:, None] ** 2, self.common, 1)
         out = np.zeros_like(x)
         for j, band in enumerate(self.banded):
@@ -51,7 +50,7 @@ class Whitener:
         return out
 
     def _without_common(self, x: FloatArray, inner: FloatArray, outer: FloatArray, sign: int) -> FloatArray:
-        """x ± Σ_r outer_r · (sum of inner_r · x over the run's earlier edges), x (m, k)."""
+        """x ± Σ_r outer_r · (sum of inner_r · x over the run's earlier edges), (m, k)."""
         out = x.copy(order="F")
         total = np.zeros((x.shape[1], x.shape[0] + 1))
         for r in np.flatnonzero(outer.any(axis=0)):
@@ -63,7 +62,7 @@ class Whitener:
 
 
 def whitener(parts: Scatter, components: Components) -> Whitener:
-    """The Cholesky factor of a scatter. Raises numpy.linalg.LinAlgError when it is not positive definite."""
+    """Cholesky factor of a scatter. Raises numpy.linalg.LinAlgError if it is not positive definite."""
     banded = _banded(parts, components)
     common = _common(parts) * _sizes(parts, components)[parts.run]
     variance = banded[0] + np.sum(common**2, axis=1)
@@ -83,10 +82,9 @@ def whitener(parts: Scatter, components: Components) -> Whitener:
 
 @dataclass(frozen=True)
 class WhitenedColumns:
-    """Inner products xᵀ C⁻¹ y of columns (m, k): those of ``columns`` less those of ``common`` (Woodbury).
+    """Inner products xᵀ C⁻¹ y: those of ``columns`` (m, k), whitened by B, less those of ``common`` (Woodbury).
 
-    Attributes: columns: (m, k) whitened by B. log_det: ln |B|. cross: (runs, 3, k), own: (runs, 3, 3) products of a
-    run's common part, per unit, with the columns and itself.
+    cross (runs, 3, k), own (runs, 3, 3): products of a run's common part.
     """
 
     parts: Scatter
@@ -104,10 +102,7 @@ class WhitenedColumns:
 
 
 def whitened_columns(parts: Scatter, components: Components, columns: FloatArray) -> WhitenedColumns:
-    """Columns (m, k) whitened by the banded part of a scatter.
-
-    Raises numpy.linalg.LinAlgError when it is not positive definite.
-    """
+    """Columns whitened by a scatter's banded part. Raises numpy.linalg.LinAlgError if it is not positive definite."""
     factor, through = _banded(parts, components), np.column_stack([_common(parts), columns])
     if through.size:
         factor = _factor(factor)
@@ -137,11 +132,11 @@ def _factor(banded: FloatArray) -> FloatArray:
 
 
 def _common(parts: Scatter) -> FloatArray:
-    """Shift of each edge by latency, offset and uneven following of the run, per unit, (m, 3)."""
+    """Shift by latency, offset and uneven following of the run, per unit, (m, 3)."""
     return np.column_stack([parts.late_mm_s, np.ones(parts.run.size), parts.uneven_mm])
 
 
 def _sizes(parts: Scatter, components: Components) -> FloatArray:
-    """Standard deviations of those in each run, (runs, 3)."""
+    """Standard deviations of those, (runs, 3)."""
     late_s = np.hypot(components.run_s, parts.loose_s)
     return np.column_stack([late_s, *(np.full(late_s.size, q) for q in (components.run_mm, components.uneven))])

@@ -1,4 +1,4 @@
-"""The noise of a linearised session: a covariance for each run."""
+"""Noise of a linearised session."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from draglag.recording import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class RunNoise:
-    """Parts of a run's covariance, (n, n) or (n,), per unit. common: (n, 3) latency, offset and uneven following;
-    loose_s: by how much a run of changing speed may miss the law.
+    """Parts of a run's covariance, (n, n) or (n,), per unit.
+
+    common: (n, 3) latency, offset, uneven following. loose_s: misfit allowed to changing speed.
     """
 
     edges: IntArray
@@ -29,7 +30,7 @@ class RunNoise:
     wander: FloatArray
 
     def factor(self, levels: Levels) -> FloatArray:
-        """Lower Cholesky factor, (n, n). Raises numpy.linalg.LinAlgError when it is not positive definite."""
+        """Lower Cholesky factor. Raises numpy.linalg.LinAlgError if the covariance is not positive definite."""
         out = self.fixed + levels.speed**2 * self.speed + levels.tremor_mm_s**2 * self.tremor
         if levels.wander_s:
             out += levels.wander_s**2 * self.wander
@@ -43,7 +44,7 @@ class RunNoise:
         return np.asarray(factor, np.float64)
 
     def variances_mm2(self, levels: Levels) -> dict[str, FloatArray]:
-        """Part of the noise ("touch" or one of ``Levels``) → variance of every edge, (n,)."""
+        """Part ("touch" or of ``Levels``) → variance of each edge, (n,)."""
         latency, offset, uneven = (self.common**2).T
         one = np.ones(self.edges.size)
         unit = {
@@ -64,7 +65,7 @@ class Noise:
     runs: tuple[RunNoise, ...]
 
     def rms_mm(self, levels: Levels) -> dict[str, float]:
-        """RMS of each part of the noise, mm."""
+        """RMS of each part."""
         each = [run.variances_mm2(levels) for run in self.runs]
         return {name: float(np.sqrt(np.mean(np.concatenate([one[name] for one in each])))) for name in each[0]}
 
@@ -80,7 +81,7 @@ class Noise:
 
 
 def noise_of(parts: Scatter, t_s: FloatArray) -> Noise:
-    """The noise of a fit's scatter; t_s: (m,) times of edges."""
+    """Noise of a fit's scatter. t_s: (m,) of edges."""
     return Noise(tuple(_of_run(parts, t_s, int(k)) for k in np.unique(parts.run)))
 
 

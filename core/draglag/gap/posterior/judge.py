@@ -1,4 +1,4 @@
-"""Search for the most probable explanation: linearise, refit, compare, repeat."""
+"""Search for the most probable explanation."""
 
 from __future__ import annotations
 
@@ -28,16 +28,14 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class Judgement:
-    """All explanations compared. fits: by their effects, the initial one first; with the curve's own form where the
-    best explanation has it.
-    """
+    """All explanations compared. fits: by effects, the initial one first."""
 
     pool: Pool
     fits: dict[Names, Fit]
 
     @property
     def base(self) -> Fit:
-        """The fit that the search began with."""
+        """Initial fit."""
         return next(iter(self.fits.values()))
 
 
@@ -49,7 +47,7 @@ def judged(
     most_effects: int = constants.MOST_MEMBERS,
     progress: Progress = lambda fraction, text: None,
 ) -> Judgement:
-    """The posterior over explanations, from a first fit."""
+    """Posterior over explanations, from a first fit."""
     inside = effects_in(first)
     fits: dict[Names, Fit] = {inside: first}
     pool = compared([first], allowed, unsure_ages, most=most_effects)
@@ -91,13 +89,12 @@ def _has_own_form(pool: Pool) -> bool:
 
 
 def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
-    """The effect that failed: they are added in the order of their gain alone."""
     start = max((names for names in fits if set(names) <= set(wanted)), key=len)
     return max(set(wanted) - set(start), key=lambda name: pool.alone(name))
 
 
 def with_own_form(session: Session, first: Fit) -> Fit:
-    """The fit with the curve's own form; unchanged where that cannot be fitted."""
+    """Fit with the curve's own form, or ``first``."""
     try:
         law = flexible(first.law, knots_over(first.view.speed))
         fit = fit_session(session, first.runs, (), False, None, law)
@@ -112,7 +109,6 @@ def _effects_of(names: Names) -> Names:
 
 
 def _probable(pool: Pool) -> list[Names]:
-    """Sets of effects probable enough to be refitted."""
     sets: dict[Names, float] = {}
     for names, p in pool.probabilities().items():
         key = _effects_of(names)
@@ -121,18 +117,16 @@ def _probable(pool: Pool) -> list[Names]:
 
 
 def _in_doubt(pool: Pool) -> bool:
-    """Whether an unnamed term, or scatter beyond that of sound rigs, is probable."""
     unnamed = sum(p for names, p in pool.probabilities().items() if any(n.startswith(UNNAMED) for n in names))
     return unnamed > DOUBT or unsound_share(pool, pool.best) > DOUBT
 
 
 def _leading(pool: Pool, wanted: Names) -> Names:
-    """The most probable explanation with exactly these effects, or the best of all."""
     return next((names for names in pool.probabilities() if _effects_of(names) == wanted), pool.best)
 
 
 def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -> dict[Names, Fit]:
-    """Joint refits, effects added one by one to the largest fitted subset, up to the first that fails."""
+    """Refits, effects added one by one to the largest fitted subset."""
     names = max((names for names in fits if set(names) <= set(wanted)), key=len)
     theta = pool.settings_of(_leading(pool, wanted))
     base = next(iter(fits.values()))
@@ -148,10 +142,7 @@ def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -
 
 
 def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
-    """The likeliest refit on shared edges; None where the effect is as small as on sound rigs.
-
-    Refits that lost many edges or violate the effect's bounds are skipped.
-    """
+    """Likeliest possible refit on shared edges; None if as small as on sound rigs."""
     enough = constants.LEAST_EDGES * np.count_nonzero(base.use)
     options = [fit for fit in options if np.count_nonzero(fit.use) >= enough and _possible(effect, fit)]
     if not options:
@@ -162,7 +153,6 @@ def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
 
 
 def _possible(effect: str, fit: Fit) -> bool:
-    """Whether the parameters are in bounds, the leading one above its lower bound."""
     numbers = parameters_of(effect, fit)
     for spec in EFFECTS[effect].parameters:
         value = numbers[spec.name][0] if spec.name in numbers else spec.typical
@@ -185,7 +175,7 @@ def _gains(pool: Pool, allowed: Collection[str]) -> dict[str, float]:
 
 
 def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]:
-    """Effects to refit at any rank: promising ones whose columns change with size, and those that traces show."""
+    """Promising effects whose columns change with size, and those that traces show."""
     gains = _gains(pool, allowed)
     least = max(PROMISING, HOPELESS * max(gains.values(), default=0.0))
     changing = [name for name, gain in gains.items() if gain > least and refit_module(name) is not None]
@@ -193,7 +183,7 @@ def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]
 
 
 def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]) -> list[str]:
-    """Effects that gain most by columns, resemble the unnamed term, or show in single edges."""
+    """Effects to try, by columns, likeness to the unnamed term, or single edges."""
     gain = _gains(pool, set(allowed) - barred)
     order = sorted((n for n in gain if gain[n] > PROMISING), key=lambda n: -gain[n])[:PROPOSED]
     base = next(iter(fits.values()))
@@ -203,7 +193,6 @@ def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], bar
 
 
 def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted: Names) -> dict[Names, Fit]:
-    """Refits without one effect each: an earlier one may have stood in for later ones."""
     out: dict[Names, Fit] = {}
     for name in wanted:
         fewer = tuple(other for other in wanted if other != name)

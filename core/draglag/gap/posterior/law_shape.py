@@ -1,4 +1,4 @@
-"""Whether the curve's own form falls with speed: a rising one is no law, but unnamed structure."""
+"""Whether the curve's own form falls with speed."""
 
 from __future__ import annotations
 
@@ -14,10 +14,7 @@ DRAWS, SPEEDS, SEED = 4000, 30, 20260101
 
 
 def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scales_mm: tuple[float, ...]) -> float:
-    """Posterior probability that the curve rises nowhere by more than the size of interest.
-
-    members, scales_mm: an explanation with the curve's own form.
-    """
+    """Probability that the curve rises nowhere by more than the size of interest."""
     names = [linear.members[i].name for i in members]
     which = names.index(LAW_FORM)
     parts = [linear.columns[:, linear.at[i]] * s for i, s in zip(members, scales_mm, strict=True)]
@@ -39,10 +36,7 @@ def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scal
 
 
 def _rise_mm(linear: Linear, knots: tuple[float, ...], law: FloatArray, form: FloatArray) -> FloatArray:
-    """Largest rise of the curve, as displacement at the lower speed, (draws,) mm.
-
-    law: (5, draws) steps of Eq. 5; form: (k, draws) of columns of 1 mm RMS.
-    """
+    """Largest rise, as displacement at the lower speed, (draws,). law: (5, draws); form: (k, draws)."""
     member = next(m for m in linear.members if m.name == LAW_FORM)
     size = max(float(np.sqrt(np.mean(member.columns**2) * member.columns.shape[1])), 1e-12)
     low, high = np.quantile(linear.fit.view.speed, [0.02, 0.98])

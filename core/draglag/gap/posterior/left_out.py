@@ -1,7 +1,4 @@
-"""Penalty for edges that a hypothesis cannot be judged by, so that none chooses its data.
-
-An edge left open within a range costs the uniform density there, widened by noise, relative to noise alone.
-"""
+"""Penalty for edges that a hypothesis leaves open."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ from draglag.recording import FloatArray
 
 
 def freedom_nats(fit: Fit, base: Fit) -> float:
-    """Penalty of a fit, nats, for edges of ``base`` that its effects leave open."""
+    """Penalty for edges of ``base`` that a fit leaves open."""
     if fit.only is None or fit.use.size != base.use.size:
         return 0.0
     left = base.use & ~fit.only
@@ -33,7 +30,7 @@ def freedom_nats(fit: Fit, base: Fit) -> float:
 
 
 def _log_uniform(residual_mm: FloatArray, sd_mm: FloatArray, width_mm: FloatArray) -> FloatArray:
-    """Log density of residuals (m,), uniform within ± width plus normal noise."""
+    """Log density, uniform within ± width plus normal noise."""
     high, low = (residual_mm + width_mm) / sd_mm, (residual_mm - width_mm) / sd_mm
     flip = np.where(residual_mm > 0, -1.0, 1.0)  # in the tail where differences keep their digits
     a, b = np.where(flip > 0, high, -low), np.where(flip > 0, low, -high)
@@ -43,7 +40,6 @@ def _log_uniform(residual_mm: FloatArray, sd_mm: FloatArray, width_mm: FloatArra
 
 
 def _residual_mm(fit: Fit) -> FloatArray:
-    """Residual of every placed edge, (m,) mm; nan where not placed."""
     view = view_of(fit.placed, fit.law, fit.geometry, fit.width_mm)
     signatures = tuple(term_signature(term, view) for term in fit.terms)
     out = residual_mm(fit.placed, fit.geometry) - total(signatures, fit.terms, view, "offset")

@@ -1,4 +1,4 @@
-"""Grids and priors of the parts of the noise."""
+"""Parts of the noise: grids and priors."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from draglag.gap import constants
 
 @dataclass(frozen=True)
 class Part:
-    """A part of the noise: values tried, half-normal prior's standard deviation, largest of a sound rig."""
+    """Values tried, standard deviation of the half-normal prior, largest of a sound rig."""
 
     values: tuple[float, ...]
     prior_sd: float
@@ -44,7 +44,7 @@ UNSURE_AGE_SD_S = 0.002
 
 @dataclass(frozen=True)
 class Levels:
-    """Standard deviations beyond the touch noise."""
+    """Standard deviations beyond touch noise."""
 
     edge_mm: float = 0.05
     speed: float = 0.01
@@ -68,7 +68,7 @@ class Levels:
 
 
 def log_prior(levels: Levels, unsure_ages: bool) -> float:
-    """Log prior of the levels; more scatter than on sound rigs is a hypothesis of its own."""
+    """Log prior; more scatter than on sound rigs has ``P_UNSOUND``."""
     total = 0.0
     for name, part in PARTS.items():
         sd = UNSURE_AGE_SD_S if unsure_ages and name in ("late_s", "wander_s") else part.prior_sd

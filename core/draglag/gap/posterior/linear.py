@@ -1,7 +1,7 @@
 """A session linearised about one fit.
 
-r = A b + T t + Σ X_j g_j + e: law, beam and nuisances b; tolerance t of small smooth misfit; members g_j ~ N(0, s² I)
-in columns of 1 mm RMS; noise e. Evidence integrates over b, t and g (Rasmussen & Williams 2006, sections 2.3 and 2.7).
+r = A b + T t + Σ X_j g_j + e (docs/gap.md); b, t and g are integrated out (Rasmussen & Williams 2006, sections 2.3 and
+2.7).
 """
 
 from __future__ import annotations
@@ -33,9 +33,8 @@ ROUNDS = 2  # over the levels
 class Linear:
     """One linearisation on m edges.
 
-    Attributes: residual_mm (m,): without members. base (m, p): A and T, of prior precision (p,). columns (m, q): of
-    members, 1 mm RMS. at: each member's columns. law: Eq. 5 of the base. edges: mask over placed edges, None: the
-    fit's. whole: on all edges of the fit.
+    residual_mm (m,): without members. base (m, p): A and T, of prior precision (p,). columns (m, q): of members, 1 mm
+    RMS. at: each member's columns. edges: mask over placed edges; None: the fit's.
     """
 
     fit: Fit
@@ -52,7 +51,7 @@ class Linear:
     whole: Whole
 
     def on(self, edges: np.ndarray) -> Linear:
-        """The linearisation on the edges of a mask over all placed ones."""
+        """Linearisation on a mask of placed edges."""
         same = self.edges is not None and np.array_equal(self.edges, edges)
         return self if same else _restricted(self.whole, edges)
 
@@ -64,9 +63,7 @@ class Linear:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal equations of members given base and tolerance: gram (q, q), moment (q,); base: log evidence without
-    members.
-    """
+    """Normal equations of members: gram (q, q), moment (q,); base: log evidence without members."""
 
     levels: Levels
     gram: FloatArray
@@ -76,7 +73,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class Whole:
-    """A linearisation on all edges of a fit. Attributes: as of ``Linear``."""
+    """``Linear`` on all edges of a fit."""
 
     fit: Fit
     members: tuple[Member, ...]
@@ -91,7 +88,7 @@ class Whole:
 def linearised(
     fit: Fit, allowed: Sequence[str] | frozenset[str], unsure_ages: bool = False, edges: np.ndarray | None = None
 ) -> Linear:
-    """The session linearised about a fit. edges: mask over placed edges; None: the fit's."""
+    """Session linearised about a fit. edges: mask over placed edges; None: the fit's."""
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     possible = members_of(fit, parts, allowed)
     listed = {member.name for member in possible}  # at every setting, with its share of the prior
@@ -136,10 +133,7 @@ def _own(fit: Fit) -> list[Member]:
 
 
 def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawParameters]:
-    """Base columns (m, p), prior precision (p,), residual (m,) without terms, and the nearest Eq. 5.
-
-    The rest of the curve is the member ``law_form``.
-    """
+    """Base columns (m, p), prior precision (p,), residual (m,) without terms, nearest Eq. 5."""
     at = base_prior(fit.law).size
     base, residual, prior = fit.design[:, :at], fit.residual_mm.copy(), fit.prior[:at]
     for term in fit.terms:
@@ -157,7 +151,7 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawP
 
 
 def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:
-    """Leading directions (m, k), of unit prior variance, of all smooth terms and effects too small to matter."""
+    """Leading directions (m, k) of misfit too small to matter, of unit prior variance."""
     blocks = [(of_unit_rms(c), constants.TOLERANCE_MM) for c in smooth_columns(fit).values()]
     by_name: dict[str, list[Member]] = {}
     for member in members:
@@ -185,9 +179,7 @@ def normal(linear: Linear, levels: Levels) -> Normal:
 def _base_value(
     linear: Linear, a: FloatArray, b: FloatArray, log_det: float, extra: int = 0
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Cholesky factor of the scaled information, its scale, and the log evidence. extra: unit-prior columns ending
-    ``a``.
-    """
+    """Cholesky factor and scale of the information, log evidence. extra: unit-prior columns ending ``a``."""
     precision = np.append(linear.precision, np.ones(extra))
     information = a.T @ a
     information[np.diag_indices_from(information)] += precision
@@ -206,7 +198,7 @@ def likeliest_levels(
     start: Levels | None = None,
     sound: bool = False,
 ) -> Levels:
-    """The likeliest levels given members at their scales, by coordinate search. sound: only those of sound rigs."""
+    """Likeliest levels given members. sound: only those of sound rigs."""
     own = [linear.columns[:, linear.at[i]] * s for i, s in zip(chosen, sizes_mm, strict=True)]
     extra = sum(c.shape[1] for c in own)
     data = np.column_stack([linear.base, *own, linear.residual_mm])

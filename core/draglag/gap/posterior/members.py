@@ -22,10 +22,7 @@ UNNAMED = "?"
 
 @dataclass(frozen=True)
 class Member:
-    """A possible part of an explanation.
-
-    Attributes: name: an effect's id, ``law_form``, or ``?covariate:role``. theta: setting. columns: (m, k) mm.
-    """
+    """Possible part of an explanation. name: effect id, ``law_form`` or ``?covariate:role``; columns: (m, k)."""
 
     name: str
     theta: tuple[float, ...]
@@ -42,12 +39,12 @@ class Member:
 
 
 def members_of(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]:
-    """All members that may be added to a fit."""
+    """Members that may be added to a fit."""
     return [*_effects(fit, parts, allowed), *_smooth(fit), *_jumps(fit), *_levels(fit), _law_form(fit)]
 
 
 def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]:
-    """Effects at every setting, without those in the fit that refits improve."""
+    """Effects, without those in the fit that refits improve."""
     gains = line_gains(fit, parts)
     own, columns = effects_in(fit), {column_of(effect) for effect in allowed}
     out = []
@@ -64,7 +61,7 @@ def _effects(fit: Fit, parts: Scatter, allowed: Collection[str]) -> list[Member]
 
 
 def smooth_columns(fit: Fit) -> dict[tuple[str, str], FloatArray]:
-    """(covariate, role) → columns of a smooth term, without the curve's own form."""
+    """(covariate, role) → columns, except the curve's form."""
     return {key: columns for key, columns in shape_free(fit.view).items() if key != ("speed", "latency")}
 
 
@@ -93,7 +90,6 @@ def _jumps(fit: Fit) -> list[Member]:
 
 
 def _levels(fit: Fit) -> list[Member]:
-    """Constants by run, kind of edge, direction and sense of the circles."""
     prior = float(np.log(constants.P_SMOOTH))
     lever = fit.view.v_across * fit.view.stretch
     ids = np.unique(fit.run_index)

@@ -1,4 +1,4 @@
-"""Explanations compared, each at its own refit, on the same edges and noises."""
+"""Explanations compared on the same edges and noises."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ IN_SPEED = f"{UNNAMED}speed:latency"
 
 @dataclass(frozen=True)
 class Found:
-    """An explanation at the linearisation where it is most probable."""
+    """Explanation at the linearisation where it is most probable."""
 
     log_mass: float
     search: Search
@@ -34,10 +34,9 @@ class Found:
 
 @dataclass(frozen=True)
 class Pool:
-    """Fits of one session, and every set of names at its best fit.
+    """Every set of names at its best fit.
 
-    Attributes: searches: one a fit. edges: mask over placed edges; levels: of the noise, both common to all. found:
-    sorted names → the explanation.
+    searches: one a fit. edges: common mask over placed edges.
     """
 
     searches: tuple[Search, ...]
@@ -52,7 +51,7 @@ class Pool:
 
     @property
     def emptiest(self) -> Names:
-        """The set of what is in every fit."""
+        """Names in every fit."""
         return min(self.found, key=len)
 
     @property
@@ -60,22 +59,22 @@ class Pool:
         return float(logsumexp([f.log_mass for f in self.found.values()]))
 
     def probabilities(self) -> dict[Names, float]:
-        """Set of names → probability, in falling order."""
+        """Set of names → probability, falling."""
         total = self.total
         each = {names: float(np.exp(f.log_mass - total)) for names, f in self.found.items()}
         return dict(sorted(each.items(), key=lambda item: -item[1]))
 
     def probability_of(self, name: str) -> float:
-        """Probability that a name is part of the explanation."""
+        """Probability that a name is in the explanation."""
         return sum(p for names, p in self.probabilities().items() if name in names)
 
     def alone(self, name: str) -> float:
-        """Log mass of one name alone, −∞ where it was not compared."""
+        """Log mass of one name alone; −∞ if not compared."""
         found = self.found.get(tuple(sorted({*self.emptiest, name})))
         return float("-inf") if found is None else found.log_mass
 
     def settings_of(self, names: Names) -> dict[str, tuple[float, ...]]:
-        """Member → setting in an explanation; empty where it was not compared."""
+        """Member → setting; empty if not compared."""
         found = self.found.get(names)
         if found is None:
             return {}
@@ -94,10 +93,7 @@ def compared(
     most: int = constants.MOST_MEMBERS,
     before: Pool | None = None,
 ) -> Pool:
-    """All explanations of a session, compared at its fits, the first that with the fewest effects.
-
-    A fit judges only sets that hold all its effects. before: a pool of some of the fits, whose levels are kept.
-    """
+    """Explanations at the fits, smallest first; a fit judges only sets with all its effects. before: keeps levels."""
     edges = np.logical_and.reduce([fit.use for fit in fits])
     made = () if before is None else before.searches
     known = {id(search.linear.fit): search.linear for search in made}
@@ -123,7 +119,6 @@ def compared(
 
 
 def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[Levels]:
-    """Levels that matter to the best explanation or the emptiest."""
     best, empty = max(found, key=lambda n: found[n].log_mass), min(found, key=len)
     each = np.array([log_evidence(found[n].search, found[n].explanation) for n in (best, empty)])
     near = each > each.max(axis=1, keepdims=True) - constants.GIVEN_UP
@@ -133,7 +128,7 @@ def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[
 def _likely_levels(
     linear: Linear, without: Collection[str], seeds: tuple[Levels, ...], most: int
 ) -> tuple[tuple[Levels, ...], Search]:
-    """Likely levels without members and with the best explanation, also among sound rigs; and its search."""
+    """Levels likely without members or with the best explanation; its search."""
     out: dict[Levels, None] = dict.fromkeys(seeds)
     if not out:
         found = likeliest_levels(linear)
@@ -173,7 +168,7 @@ def _own_best(search: Search) -> Explanation | None:
 
 
 def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
-    """Sets of names with all the fit's effects, summed over settings. open_nats: penalty for open edges."""
+    """Masses summed over settings. open_nats: penalty for open edges."""
     fit = search.linear.fit
     inside = set(effects_in(fit))
     of_law = effects_in_law(fit)
@@ -198,7 +193,7 @@ def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
 
 
 def _falling(search: Search) -> float:
-    """Probability that the curve falls, given its own form; 1 where that is improbable."""
+    """Probability that the curve falls; 1 if its own form is improbable."""
     forms = {i for i, member in enumerate(search.linear.members) if member.name == LAW_FORM}
     own = [e for e in search.explanations if not forms.isdisjoint(e.members)]
     if not own:
@@ -211,7 +206,7 @@ def _falling(search: Search) -> float:
 
 
 def _by_shape(names: Names, falls: float) -> list[tuple[Names, float]]:
-    """The set with its share of log mass; the curve's form split into a falling law and unnamed structure."""
+    """Log shares of a falling law and of unnamed structure."""
     if LAW_FORM not in names or falls >= 1.0:
         return [(names, 0.0)]
     bump = tuple(sorted((*(n for n in names if n != LAW_FORM), IN_SPEED)))
@@ -221,7 +216,7 @@ def _by_shape(names: Names, falls: float) -> list[tuple[Names, float]]:
 
 
 def unsound_share(pool: Pool, names: Names) -> float:
-    """Probability of more scatter than on sound rigs, given an explanation."""
+    """Probability of excess scatter, given an explanation."""
     found = pool.found[names]
     search = found.search
     if search.linear.unsure_ages:

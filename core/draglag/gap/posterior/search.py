@@ -1,8 +1,4 @@
-"""Probable sets of members of a linearised session.
-
-The evidence of one more member is a closed form in the eigenvalues of its normal equations given the set, so that all
-members and scales are weighed at once.
-"""
+"""Beam search of probable sets of members."""
 
 from __future__ import annotations
 
@@ -26,7 +22,7 @@ SCALES_MM = np.array(constants.SLAB_MM)
 
 @dataclass(frozen=True)
 class Explanation:
-    """A set of members. log_mass: log prior times evidence, up to a constant; scales_mm: likeliest of each."""
+    """Set of members. log_mass: prior times evidence, up to a constant; scales_mm: likeliest."""
 
     members: tuple[int, ...] = ()
     scales_mm: tuple[float, ...] = ()
@@ -39,7 +35,7 @@ class Explanation:
 
 @dataclass(frozen=True)
 class Search:
-    """Explanations from one linearisation. without: excluded names; most: limit on effects."""
+    """Explanations from one linearisation. without: excluded names; most: effects."""
 
     linear: Linear
     normals: tuple[Normal, ...]
@@ -65,7 +61,7 @@ def searched(
     without: Collection[str] = (),
     most: int = constants.MOST_MEMBERS,
 ) -> Search:
-    """Explanations by beam search. without: excluded names; most: limit on effects."""
+    """Explanations by beam search."""
     empty = Explanation(log_mass=float(logsumexp([n.base for n in normals])))
     found: dict[tuple[int, ...], Explanation] = {(): empty}
     joining, groups = Joining.of(linear.members), _of_one_width(linear, normals)
@@ -104,10 +100,10 @@ def _front(linear: Linear, ranked: list[Explanation]) -> list[Explanation]:
 
 @dataclass(frozen=True)
 class Joining:
-    """Which of c members may be combined: one of a name or unnamed place, one statement about the curve.
+    """Which of c members may be combined.
 
-    Attributes, (c,): name, setting: codes of names, and of names with settings. single: one of its name only. form: the
-    curve's own. of_law, effect: an effect on the law, or any.
+    name, setting: codes. single: one of its name only. form: the curve's own. of_law, effect: effects on the law, or
+    any.
     """
 
     name: IntArray
@@ -142,9 +138,7 @@ class Joining:
 
 @dataclass(frozen=True)
 class OfOneWidth:
-    """Members (c,) of k columns, these columns (c, k), and their normal equations, (levels, c, k, k) and (levels, c,
-    k).
-    """
+    """c members of k columns (c, k), and normal equations, (levels, c, k, k), (levels, c, k)."""
 
     which: IntArray
     at: IntArray
@@ -170,7 +164,7 @@ def _extended(
     groups: list[OfOneWidth],
     usable: np.ndarray,
 ) -> list[Explanation]:
-    """The explanation with each usable member added, integrated over its scales."""
+    """Explanations with one usable member more."""
     given = _given(linear, normals, explanation)
     gains = np.empty((len(normals), len(linear.members), SCALES_MM.size))
     for group in groups:
@@ -196,7 +190,7 @@ def _log_sum(values: FloatArray, axis: int) -> FloatArray:
 
 
 def one_law(names: Collection[str]) -> bool:
-    """Whether a set does without the curve's own form or without effects on the law."""
+    """Whether a set lacks the curve's own form or effects on the law."""
     return LAW_FORM not in names or not any(map(_of_the_law, names))
 
 
@@ -205,7 +199,7 @@ def _of_the_law(name: str) -> bool:
 
 
 def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, FloatArray]:
-    """Columns (k,) of an explanation and the scale of each, (k,) mm."""
+    """Columns (k,) of an explanation, and their scales (k,)."""
     if not explanation.members:
         return np.zeros(0, np.int64), np.zeros(0)
     at = [linear.at[i] for i in explanation.members]
@@ -214,10 +208,9 @@ def columns_of(linear: Linear, explanation: Explanation) -> tuple[IntArray, Floa
 
 @dataclass(frozen=True)
 class Given:
-    """An explanation of r columns at its scales.
+    """An explanation of r columns.
 
-    Attributes: value: (levels,) log evidence. taken: (levels, r, q) root of the reduction of the normal equations;
-    taken_moment: (levels, q) of their moments.
+    value: (levels,) log evidence. taken (levels, r, q), taken_moment (levels, q): what it takes from normal equations.
     """
 
     value: FloatArray
@@ -236,7 +229,7 @@ def _given(linear: Linear, normals: Sequence[Normal], explanation: Explanation) 
 def _evidence(
     linear: Linear, normals: Sequence[Normal], explanation: Explanation
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Log evidence (levels,), Cholesky factor (levels, r, r), moments through it (levels, r), and scales (r,)."""
+    """Log evidence (levels,), Cholesky factor, moments through it (levels, r), scales (r,)."""
     at, scale = columns_of(linear, explanation)
     base = np.array([one.base for one in normals])
     if not at.size:
@@ -273,9 +266,7 @@ def log_evidence(search: Search, explanation: Explanation) -> FloatArray:
 
 
 def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
-    """Posterior mean size of each member, mm RMS, at the likeliest levels; of unnamed ones beyond Eq. 5 and a
-    straight beam.
-    """
+    """Posterior mean RMS of each member at the likeliest levels; if unnamed, beyond Eq. 5 and a straight beam."""
     linear = search.linear
     at, scale = columns_of(linear, explanation)
     if not at.size:

@@ -1,4 +1,4 @@
-"""The posterior's answer: no gap, named effects, or something unnamed."""
+"""The posterior's answer."""
 
 from __future__ import annotations
 
@@ -22,11 +22,9 @@ REPORTED = 0.95  # of the mass
 
 @dataclass(frozen=True)
 class Answer:
-    """The verdict of a pool.
+    """Verdict of a pool: no_gap | explained | unexplained.
 
-    Attributes: verdict: no_gap | explained | unexplained. unexplained_by: covariate. explanations: sets of effects with
-    probabilities, ``unexplained`` for the unnamed. tolerated: name, probability and size, mm, of members too small to
-    matter.
+    explanations: ``unexplained`` if unnamed. tolerated: covariate or effect id, probability, size in mm.
     """
 
     verdict: str
@@ -38,7 +36,7 @@ class Answer:
 
 
 def answer_of(pool: Pool) -> Answer:
-    """The verdict of a pool."""
+    """Verdict of a pool."""
     sets: dict[Names, float] = {}
     leading: dict[Names, Names] = {}
     for names, p in pool.probabilities().items():
@@ -71,14 +69,14 @@ def answer_of(pool: Pool) -> Answer:
 
 
 def _that_stand(pool: Pool, names: Names) -> Names:
-    """Effects of interest, without those whose covariate an unnamed term follows too."""
+    """Effects of interest whose covariate no unnamed term follows."""
     kept = _of_interest(pool, names)
     unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in kept if name.startswith(UNNAMED)}
     return tuple(name for name in kept if name in EFFECTS and effect_class(name).follows not in unnamed)
 
 
 def _sizes(pool: Pool, names: Names) -> dict[str, float]:
-    """Size of each member, mm RMS; the whole of effects undone in traces or in the law."""
+    """Sizes, with what is undone in traces or in the law."""
     found = pool.found[names]
     out = sizes_mm(found.search, found.explanation)
     fit = pool.fit_of(names)
@@ -94,10 +92,7 @@ def _without_form(names: Names) -> Names:
 
 
 def _of_interest(pool: Pool, names: Names) -> Names:
-    """Members of at least the size of interest, without the curve's form.
-
-    Unnamed terms within the 95 % uncertainty of an effect's columns belong to it.
-    """
+    """Members of interest, without the curve's form and unnamed terms within the uncertainty of an effect's columns."""
     sizes = _sizes(pool, names)
     open_mm = {
         effect_class(name).follows: Z95 * effect_class(name).unsure_share * sizes.get(name, 1.0)

@@ -1,4 +1,4 @@
-"""By how much effects leave edges open."""
+"""Edges that effects leave open."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def refit(
     law: LawParameters | None = None,
     only: np.ndarray | None = None,
 ) -> Fit | None:
-    """Refit on the edges of ``before``, if possible. law: initial; only: mask of allowed edges."""
+    """Refit on the edges of ``before``. law: initial; only: allowed edges."""
     law = before.law if law is None else law
     try:
         return fit_session(session, before.runs, terms, law.plateau_mm_s > 0, before, law, only)

@@ -1,1 +1,1 @@
-"""The fitted model in the forward simulation, and as a file."""
+"""The fitted model in simulation, and as a file."""

@@ -20,9 +20,9 @@ from draglag.simulation.effects import effect_class
 
 
 def law_of_fit(fit: Fit) -> CurveFit:
-    """Law of a joint fit as a curve, or its nearest Eq. 5. A plateau's corner is sharp, unlike in the fit.
+    """Law of a joint fit as a curve, or its nearest Eq. 5; a plateau's corner is sharp.
 
-    rms_s and between_runs_s: of the runs about law plus effects.
+    rms_s and between_runs_s: about law plus effects.
     """
     plateau = fit.law.plateau_mm_s > 0
     form = FORMS["double_exponential_plateau" if plateau else "double_exponential"]
@@ -74,7 +74,6 @@ def _of_the_panel(curve: CurveFit, steps: Sequence[Step]) -> CurveFit:
 
 
 def _undone_s(fit: Fit) -> FloatArray:
-    """Latency undone in the traces, (m,)."""
     out = np.zeros(len(fit.placed))
     for term in fit.terms:
         out += effect_class(term.effect).undone_s(term, fit.placed)
@@ -82,7 +81,7 @@ def _undone_s(fit: Fit) -> FloatArray:
 
 
 def extended_model(session: Session, report: GapReport, created_utc: str = "", input_sha256: str = "") -> LatencyModel:
-    """Model of a report. created_utc: ISO 8601. Raises EstimateError for a report without a verdict."""
+    """Model of a report. created_utc: ISO 8601. Raises EstimateError without a verdict."""
     if report.last is None:
         raise EstimateError(
             message("{session}: there is no model to save", session=report.session),

@@ -1,4 +1,4 @@
-"""The stylus' path, recovered from a trace under a model."""
+"""The stylus' path recovered from a trace."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROUNDS_UNSTEADY = 10
 def hand_motion(
     rig: Rig, data: RunData, latency_s: FloatArray, effects: Sequence[Effect], origin_s: float
 ) -> tuple[Motion, float]:
-    """Motion of the stylus on the simulation's grid, and its start in host time. latency_s: (edges,) initial."""
+    """Motion on the simulation's grid, and its start in host time. latency_s: (edges,) initial."""
     slowest_s = float(np.max(latency_s)) + 0.05
     start_s = float(data.t_s[0]) - slowest_s
     n = int((data.t_s[-1] - start_s - max(float(np.min(latency_s)), 0.0)) * GRID_HZ)
@@ -58,7 +58,6 @@ def hand_motion(
 
 
 def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, CubicSpline]:
-    """Splines of the smoothed trace and its velocity."""
     grid_s = np.linspace(data.t_s[0], data.t_s[-1], int(np.ptp(data.t_s) * GRID_HZ / COARSE) + 2)
     near = local_fit(data.t_s, data.xy_mm, grid_s, data.half_s)
     wide = local_fit(data.t_s, data.xy_mm, grid_s, np.interp(grid_s - latency_s, data.edge_t_s, data.speed_half_s))
@@ -73,7 +72,6 @@ def _filled(values: FloatArray, ok: np.ndarray) -> FloatArray:
 
 
 def _smooth(rate: FloatArray) -> FloatArray:
-    """Running mean over 0.1 s."""
     width = int(0.1 * GRID_HZ / COARSE) | 1
     padded = np.pad(rate, width // 2, mode="edge")
     return np.convolve(padded, np.full(width, 1 / width), mode="valid")

@@ -26,7 +26,7 @@ def named_effects(fit: Fit) -> dict[str, dict[str, float]]:
 
 
 def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = None) -> tuple[Effect, ...]:
-    """Simulated effects, clipped to their bounds, without those that measured streams hold already."""
+    """Simulated effects, without those that measured streams hold already."""
     named = named_effects(fit) if named is None else named
     out: list[Effect] = []
     for name, numbers in named.items():
@@ -40,19 +40,19 @@ def effects_of_fit(fit: Fit, named: Mapping[str, Mapping[str, float]] | None = N
 
 
 def made(name: str, numbers: Mapping[str, float]) -> Effect:
-    """Effect of these numbers; missing ones are typical, others clipped."""
+    """Effect of these numbers; missing ones typical, others clipped."""
     cls = EFFECTS[name]
     return cls(*(min(max(numbers.get(p.name, p.typical), p.lower), p.upper) for p in cls.parameters))
 
 
 def held_s(effects: Sequence[Effect]) -> float:
-    """Delay of stamps that is part of a law fitted to repaired stamps."""
+    """Delay of stamps in a law fitted to repaired stamps."""
     return float(sum(effect.stamped_late_s() for effect in effects))
 
 
 @dataclass(frozen=True)
 class LawOfOwnForm(LatencyLaw):
-    """Fitted law that is not Eq. 5, shifted to the asymptote a7_ms."""
+    """Fitted law shifted to the asymptote a7_ms."""
 
     fitted: FlexibleLaw
 
@@ -93,7 +93,7 @@ def rig_of(session: Session, fit: Fit, effects: tuple[Effect, ...]) -> Rig:
 def rig_with_law(
     rig: Rig, form: str, parameters: Mapping[str, float], effects: Sequence[Effect] = ()
 ) -> tuple[Rig, Effect | None]:
-    """Rig with a model's law and tap delay, and the effect that a parameter of its form stands for, if any.
+    """Rig with a model's law and tap delay, and the effect of a parameter of its form, if any.
 
     Raises DataError for a form that cannot be simulated.
     """

@@ -1,4 +1,4 @@
-"""A measured session simulated again with the measured hand and the present model."""
+"""A measured session simulated again with the measured hand."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ class RunReplay:
 class Replay:
     """A session simulated again.
 
-    Attributes: run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated.
-    reference: model of the overlays. again: simulated runs, repaired. between_runs_s: standard deviation in the model.
+    run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated. again: simulated
+    runs, repaired. between_runs_s: in the model.
     """
 
     effects: tuple[Effect, ...]
@@ -121,7 +121,7 @@ class Replay:
         return _between_runs(self.run, self.difference_mm, self.across_mm_s)
 
     def latencies_ms(self) -> list[tuple[str, float, float, float, float, float]]:
-        """(run, speed mm/s, measured, its standard error, simulated, its standard error), ms."""
+        """(run, speed mm/s, measured, its error, simulated, its error), ms."""
         out = []
         for item in self.runs:
             a, b = item.measured, item.simulated
@@ -170,7 +170,7 @@ def replay(
     """Session simulated again with its measured hand.
 
     named: effect id → parameters, the only source of stream and clock effects; None: the fit's. reference: model of the
-    overlays; None: ``fit``. raw: runs with unrepaired streams, where ``fit`` is of repaired ones.
+    overlays; None: ``fit``. raw: runs with unrepaired streams.
 
     Raises EstimateError if no run can be simulated.
     """
@@ -230,9 +230,9 @@ def replay(
 
 @one_blas_thread
 def replays(session: Session, report: GapReport, progress: Progress | None = None) -> tuple[Replay, ...]:
-    """Replays of the first model, which is the reference, and after each step.
+    """Replays of the first model, the reference, and after each step.
 
-    Raises EstimateError for a report without a verdict, or if no run can be simulated.
+    Raises EstimateError without a verdict, or if no run can be simulated.
     """
     if report.first is None or report.last is None:
         raise EstimateError(
@@ -264,7 +264,7 @@ def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _reported_s(run: Run, data: RunData, effects: Sequence[Effect]) -> FloatArray:
-    """Report times: as stamped if repair only removed events and no loop held them, else as repaired."""
+    """As stamped if repair only removed events and no loop held them, else as repaired."""
     only_removed = np.isin(data.reported_s, run.touch.t_s).all()
     loop = any(effect.estimated_with for effect in effects)
     return run.touch.t_s if only_removed and not loop else data.reported_s
@@ -280,7 +280,6 @@ def _simulated(
     origin_s: float,
     seed: int,
 ) -> Run:
-    """One run, with the measured rate and contact losses."""
     dt_s = sample_interval_s(reported_s)
     own = replace(rig, touch_rate_hz=1 / dt_s, noise_mm=data.noise_mm)
     rng = np.random.default_rng([SEED, seed])
@@ -302,7 +301,7 @@ def _simulated(
 
 
 def _nearest(at_s: FloatArray, others_s: FloatArray) -> FloatArray:
-    """Nearest of sorted times, (m,); NaN beyond ``MATCH_S``."""
+    """NaN beyond ``MATCH_S``."""
     if not others_s.size:
         return np.full(at_s.size, np.nan)
     right = np.clip(np.searchsorted(others_s, at_s), 1, max(others_s.size - 1, 1))
@@ -325,7 +324,7 @@ def _between_runs(run: IntArray, values: FloatArray, across: FloatArray) -> tupl
 
 
 def _overlay(runs: tuple[RunData, ...], reference: Fit) -> Overlay | None:
-    """Residuals under the reference's law and beam, without its effects."""
+    """Without the reference's effects."""
     if not runs:
         return None
     placed: Placed = place(runs, reference.law)

@@ -1,1 +1,1 @@
-"""What the touch and laser streams show before any fit."""
+"""What streams show before any fit."""

@@ -13,7 +13,7 @@ FEWEST = 50  # events of a run that is evidence
 
 
 def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
-    """Effects that streams show, and the session repaired as far as possible."""
+    """Effects that streams show, and the session repaired."""
     touches = [run.touch for run in session.runs if run.touch.t_s.size > FEWEST]
     if not touches:
         return (), session

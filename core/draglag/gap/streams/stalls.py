@@ -13,7 +13,7 @@ HELD_S = 0.003  # beyond a frame; less is the jitter of a busy host, whatever th
 
 
 def stalls(session: Session) -> bool:
-    """Whether bursts after pauses are more frequent than a sound host's."""
+    """Whether bursts after pauses are more frequent than on sound hosts."""
     bursts, total_s = 0, 0.0
     for run in session.runs:
         dt_s = np.diff(run.touch.t_s)

@@ -1,4 +1,4 @@
-"""Effects detected in streams, and what detectors share."""
+"""Effects detected in streams."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class StreamEffect:
 
 
 def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]:
-    """95 % interval of k / n. together: events that occur at once."""
+    """95 % interval of k / n. together: simultaneous events."""
     p = k / n
     reach = 1.96 * np.sqrt(max(p * (1 - p), 1 / n) * together / n)
     return max(p - reach, 0.0), min(p + reach, 1.0)
@@ -63,7 +63,7 @@ class Streams:
 
 
 def counted_out(t_s: FloatArray, count: FloatArray, frame_s: float, quantum_s: float) -> FloatArray:
-    """Times (n,) of counted frames on an even clock that follows the stamps slowly."""
+    """Times (n,) of frames on an even clock that follows the stamps slowly."""
     late = t_s - frame_s * count
     # Frames beat with the clock's ticks: the slow course is a mean over whole beats.
     off = abs(frame_s / quantum_s - round(frame_s / quantum_s))

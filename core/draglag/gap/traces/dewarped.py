@@ -1,8 +1,7 @@
 """The stylus' acceleration where the latency depends on it.
 
-When the latency grows by c·a, events at t + L + c·a(t) show v / (1 + c·ȧ), to first order u = v − v₀ c·ȧ about a mean
-v₀, with a = G v̇ as the tracker smooths it. So changes of speed are amplified by 1 + v₀ c ω² G, four times at 1 m/s,
-and a = iω G u / (1 + v₀ c ω² G).
+If the latency grows by c·a, traces show u = v / (1 + c·ȧ) ≈ v − v₀ c·ȧ, with a = G v̇ as the tracker smooths it; so a =
+iω G u / (1 + v₀ c ω² G).
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ STEP_S = 0.004  # no finer than a hand's speed changes, whatever the panel's rat
 
 @dataclass(frozen=True)
 class Shown:
-    """A trace's speed. grid_s, speed_mm_s: (g,). apart_s: half the span of a change of speed."""
+    """Speed of a trace, (g,). apart_s: half span of its change."""
 
     grid_s: FloatArray
     step_s: float
@@ -40,7 +39,7 @@ class Shown:
 
     @cached_property
     def spectrum(self) -> tuple[int, FloatArray, np.ndarray]:
-        """Padding, points; angular frequencies (f,) rad/s and spectrum (f,) of deviations from the mean speed."""
+        """Padding, angular frequencies (f,), spectrum (f,) of deviations from the mean speed."""
         edge = min(round(PADDED_S / self.step_s), self.grid_s.size - 1)
         speed = np.pad(self.speed_mm_s - self.mean_mm_s, edge, mode="reflect")
         omega = np.asarray(2 * np.pi * np.fft.rfftfreq(speed.size, self.step_s), float)
@@ -49,7 +48,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Acceleration:
-    """Tangential acceleration and its change, (m,), at a setting (lag_s3_mm, window_s)."""
+    """Tangential acceleration and its rate, (m,)."""
 
     setting: tuple[float, float]
     accel_mm_s2: FloatArray
@@ -58,7 +57,7 @@ class Acceleration:
 
 @dataclass(frozen=True)
 class DewarpedKinematics:
-    """Where m edges lie on their traces. run: (m,) index; at_s: (m,) touch time; known: at one setting."""
+    """A ``residual.Trace``. run: (m,) index; at_s: (m,) touch time; known: cached."""
 
     runs: tuple[RunData, ...]
     run: np.ndarray
@@ -71,15 +70,12 @@ class DewarpedKinematics:
         return replace(self, run=self.run[use], at_s=self.at_s[use], known=known)
 
     def accelerated(self, lag_s3_mm: float, window_s: float) -> DewarpedKinematics:
-        """The same with ``acceleration`` at this setting cached."""
+        """See ``Trace``."""
         setting = lag_s3_mm, window_s
         return replace(self, known=Acceleration(setting, *self.acceleration(*setting)))
 
     def acceleration(self, lag_s3_mm: float, window_s: float) -> tuple[FloatArray, FloatArray]:
-        """Tangential acceleration of the stylus and its change, (m,) mm/s² and mm/s³.
-
-        lag_s3_mm: latency per acceleration, s per mm/s². window_s: of the panel's smoothing of the speed.
-        """
+        """See ``Trace``."""
         if self.known is not None and self.known.setting == (lag_s3_mm, window_s):
             return self.known.accel_mm_s2, self.known.change_mm_s3
         out, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
@@ -95,7 +91,7 @@ class DewarpedKinematics:
         return out, change
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Shown speed, mm/s, and its change, mm/s², (m,), ``before_s`` (m,) before each edge (negative: after it)."""
+        """See ``Trace``; negative: after the edge."""
         speed, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
             shown, own = self.runs[k].shown, self.run == k
@@ -109,7 +105,7 @@ class DewarpedKinematics:
 
 
 def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:
-    """The speed of a trace (n,), (n, 2). radius_mm, mean_mm_s: of a steady circle."""
+    """Speed of a trace. radius_mm, mean_mm_s: of a steady circle."""
     interval_s = sample_interval_s(t_s)
     step_s = max(interval_s, STEP_S)
     grid_s = np.arange(t_s[0], t_s[-1], step_s)

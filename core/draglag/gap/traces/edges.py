@@ -1,4 +1,4 @@
-"""Usable edges of a session, with the stylus' motion there under a latency law."""
+"""Edges placed on their traces by a latency law."""
 
 from __future__ import annotations
 
@@ -31,12 +31,10 @@ FEW = 0.002  # of all edges
 class Placed:
     """Edges (m,) of all runs, placed on the touch trace by a law.
 
-    Attributes: run: index. t_s: laser time; since_start_s, in_run_s: since the start of session and run. steady: of a
-    run of constant speed. falling: light→dark. latency_s: L. speed_mm_s: the stylus'. xy_mm, v_mm_s, a_mm_s2: (m, 2)
-    shown at t + L. accel_mm_s2: along the motion, in own time; accel_apart_mm_s2: with errors independent of the
-    position's. turn_rad_s, uneven_mm_s: turn of the direction, and speed less the run's mean; 0 unless steady.
-    slope_s2_mm: L′. stretch: shift per added latency, 1 / (1 − L′ v̇). ok: well placed. speed_half_s: half window of
-    each speed. position_at_s, speed_at_s: times of the fits on ``traces``.
+    t_s: laser time. steady: of a run of constant speed. falling: light→dark. xy_mm, v_mm_s, a_mm_s2: (m, 2) shown at t
+    + L. accel_mm_s2: along the motion, in own time; accel_apart_mm_s2: with errors independent of the position's.
+    turn_rad_s: of the direction, uneven_mm_s: speed less the run's mean; 0 unless steady. slope_s2_mm: L′. stretch:
+    shift per added latency, 1 / (1 − L′ v̇). position_at_s, speed_at_s: times of the fits on ``traces``.
     """
 
     run: IntArray
@@ -82,7 +80,7 @@ class Placed:
 
     @property
     def touch_variance_mm2(self) -> FloatArray:
-        """Variance of every edge by touch noise, (m,)."""
+        """Variance of each edge by touch noise, (m,)."""
         return self.touch_noise.variance_mm2(len(self))
 
 
@@ -93,9 +91,7 @@ def place(
     start: Placed | None = None,
     delay: SpeedDelay = NO_DELAY,
 ) -> Placed:
-    """The solution of L = law(v) + extra at every edge. extra_s: (m,). start: earlier placing. delay: of the moment
-    of v.
-    """
+    """Solution of L = law(v) + extra. start: earlier placing; delay: of v."""
     traces = traces_of(runs)
     edge_s = traces.edge_t_s
     added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
@@ -168,10 +164,7 @@ def place(
 
 
 def _curvatures(run: IntArray, judged: np.ndarray, each: FloatArray, n_runs: int) -> FloatArray:
-    """Median curvature of each judged edge's run, (m,) rad/mm; 0 at others.
-
-    From directions apart: not flattened by windows, and independent of the position's errors.
-    """
+    """Median curvature of the run at judged edges, (m,) rad/mm; else 0."""
     out = np.zeros(run.size)
     for k in range(n_runs):
         own = (run == k) & judged
@@ -187,7 +180,7 @@ def _accelerations(v_mm_s: FloatArray, change_mm_s2: FloatArray, turn_rad_s: Flo
 
 
 def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
-    """Initial latencies and half widths of the speeds' windows, (m,) s each."""
+    """Initial latencies and half windows, (m,)."""
     latency, half_s = [], []
     for data in traces.runs:
         if data.steady:
@@ -205,7 +198,7 @@ def _begun(traces: Traces, law: Law) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class _LawSpeeds:
-    """The law's argument along runs that keep moving, and corrections to edges' own speeds elsewhere."""
+    """The law's argument along runs that keep moving, corrections to own speeds elsewhere."""
 
     followed: tuple[FloatArray, FloatArray]
     apart: tuple[FloatArray, FloatArray] | None
@@ -235,10 +228,7 @@ def _solved(
     added_s: FloatArray,
     law_speeds: _LawSpeeds,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Latency, stylus' speed and last step, (q,), of L = law(v) + added, traces taken as straight.
-
-    fast: (q, 8) fits of the speeds; edges beyond their range wait for new ones.
-    """
+    """Latency, stylus' speed and last step, (q,). fast: (q, 8) fits of the speeds."""
     latency, step, speed = latency.copy(), np.zeros(edges.size), np.zeros(edges.size)
     edge_s, followed = traces.edge_t_s[edges], traces.keeps_moving[edges]
     share = np.where(traces.steady[edges], 1.0, 0.5)
@@ -264,7 +254,7 @@ def _solved(
 
 
 def _moved(rows: FloatArray, at_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Position and velocity a little away from the fits' times, (m, 2) each."""
+    """Position and velocity next to the fits' times, (m, 2)."""
     apart_s = (at_s - rows[:, 0])[:, None]
     change = rows[:, 5:7] * apart_s
     return rows[:, 1:3] + (rows[:, 3:5] + 0.5 * change) * apart_s, rows[:, 3:5] + change

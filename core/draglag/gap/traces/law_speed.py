@@ -1,8 +1,6 @@
 """The law's argument, a speed, from the speed that a trace shows.
 
-Events at t + L(w) run 1 + L′ ẇ times slower than the stylus, of speed v: the trace shows u = v / (1 + L′ ẇ), w being v
-or its value d before. In the event's time v + τ ẇ = u, τ = −v L′(w): for d = 0 a first-order low-pass of varying time
-constant.
+A trace shows u = v / (1 + L′ ẇ), w being v or its value d before. In the event's time v + τ ẇ = u, τ = −v L′(w).
 """
 
 from __future__ import annotations
@@ -33,7 +31,7 @@ LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it 
 
 
 def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
-    """For each run that keeps moving, times on its trace, (g,) s, and the law's argument, (g,) mm/s."""
+    """Times on each trace and the law's argument, (g,)."""
     if delay[1] and runs:
         return _delayed(runs, law, delay)
     steady = iter(_now([data for data in runs if data.steady], law))
@@ -42,7 +40,7 @@ def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list
 
 
 def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tuple[FloatArray, FloatArray]:
-    """Times (g,) s and the law's argument less the present speed, (g,) mm/s, to first order."""
+    """Times, and the law's argument less the present speed, (g,)."""
     shown = data.shown
     around = np.maximum(shown.speed_mm_s, 1.0)
     slope = law(around + 0.5) - law(around - 0.5)
@@ -53,13 +51,13 @@ def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tupl
 
 
 def before_s(delay: SpeedDelay, latency_s: FloatArray) -> FloatArray:
-    """Time from each edge back to the law's speed, (m,) s; negative: after the edge."""
+    """Time back from edges to the law's speed, (m,)."""
     which, delay_s = delay
     return np.asarray(delay_s * (latency_s / USUAL_LATENCY_S if which else np.ones(np.shape(latency_s))))
 
 
 def _now(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray]]:
-    """The low-pass with one time constant a run, at its usual speed."""
+    """Low-pass with one time constant a run."""
     if not runs:
         return []
     usual = np.array([data.usual_mm_s for data in runs])
@@ -79,7 +77,7 @@ def _now(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray
 
 
 def _changing(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray]]:
-    """The low-pass by implicit Euler steps, stable at any size."""
+    """Low-pass by implicit Euler steps, stable at any size."""
     if not runs:
         return []
     shown = np.concatenate([data.coarse[1] for data in runs])
@@ -97,10 +95,7 @@ def _changing(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, Float
 
 
 def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
-    """Least-squares solution of v + τ ẇ = u for all runs, w being v ``delay`` before.
-
-    v̈ is penalised: near ω d = 3π/2 (−π/2 for later w) τ ẇ cancels v, and u holds mostly noise.
-    """
+    """Least-squares solution of v + τ ẇ = u. v̈ is penalised: near ω d = 3π/2 (−π/2 for later w) τ ẇ cancels v."""
     times, shown = [], []
     for data in runs:
         grid_s, speed = data.quick
@@ -129,10 +124,7 @@ def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple
 
 
 def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray, smooth_s4: FloatArray) -> FloatArray:
-    """Least-squares v (n,) of u = v + half_tau · (v one step after ``back`` steps before, less one step before that).
-
-    Second differences are penalised by √``smooth_s4`` (n,).
-    """
+    """Least-squares v (n,) of u = v + half_tau (v[i − back + 1] − v[i − back − 1]). smooth_s4: penalty on v̈²."""
     n = u.size
     row = np.arange(n)
     place = np.clip(row - back, 1.0, n - 2.001)
@@ -161,7 +153,7 @@ def _solved(u: FloatArray, half_tau: FloatArray, back: FloatArray, smooth_s4: Fl
 
 
 def _falls(law: Law, fastest_mm_s: float) -> tuple[FloatArray, FloatArray]:
-    """Speeds (k,) mm/s and −L′ ≥ 0 at each, s²/mm."""
+    """Speeds (k,) and −L′ ≥ 0 at each, s²/mm."""
     knots = np.arange(0.0, fastest_mm_s + 2.0)
     slow, fast = np.maximum(knots - 0.5, 0.0), knots + 0.5
     return knots, np.maximum((law(slow) - law(fast)) / (fast - slow), 0.0)

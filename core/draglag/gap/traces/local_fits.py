@@ -1,4 +1,4 @@
-"""Traces of all runs as one, and cached local fits on a fine grid of times about their edges."""
+"""Traces of all runs as one, with cached local fits."""
 
 from __future__ import annotations
 
@@ -30,10 +30,7 @@ Fitted = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 
 
 class Kept:
-    """Cache of rows about edges at times of a grid.
-
-    make: times, half widths (q,) s and edges (q,) → rows (q, c), beginning with the time.
-    """
+    """Cache of rows about edges at grid times. make: times, half widths, edges (q,) → rows (q, c), the time first."""
 
     def __init__(self, make: Fitted, edge_t_s: FloatArray, step_s: float) -> None:
         self._make, self._edge_t_s, self._step_s = make, edge_t_s, step_s
@@ -42,7 +39,7 @@ class Kept:
         self._used = 0
 
     def at(self, at_s: FloatArray, half_s: FloatArray, edges: IntArray) -> FloatArray:
-        """Rows (q, c) at the grid times nearest to ``at_s`` (q,); each edge once."""
+        """Rows (q, c) at the nearest grid times; each edge once."""
         away = np.rint((at_s - self._edge_t_s[edges]) / self._step_s)
         steps = np.clip(np.nan_to_num(away, nan=FURTHEST), -FURTHEST, FURTHEST).astype(np.int64)
         widths = np.minimum(np.rint(half_s / WIDTH_UNIT_S), WIDEST).astype(np.int64)
@@ -81,9 +78,8 @@ class Kept:
 class Traces:
     """All traces in sequence, shifted so that no window covers two.
 
-    Attributes: t_s, xy_mm: (n,), (n, 2) events. shift_s, begin: (runs,), (runs + 1,) shift and first event. losses_s:
-    (k, 2) contact losses and gaps between runs. run, edge_t_s (shifted), falling, steady, keeps_moving, half_s: (m,) of
-    edges.
+    t_s, xy_mm: (n,), (n, 2) events. shift_s, begin: (runs,), (runs + 1,) shift and first event. losses_s: (k, 2)
+    contact losses and gaps between runs. Others: (m,) of edges, ``edge_t_s`` shifted.
     """
 
     runs: tuple[RunData, ...]
@@ -112,27 +108,27 @@ class Traces:
 
     @cached_property
     def noise_mm(self) -> FloatArray:
-        """Noise of an event in the run of each edge, (m,) mm."""
+        """Noise of an event in the run of each edge, (m,)."""
         return np.array([data.noise_mm for data in self.runs])[self.run]
 
     @cached_property
     def spread(self) -> csr_matrix | None:
-        """Influence of shown events on those of ``t_s``; None where equal."""
+        """See ``spread_of``."""
         return spread_of(self.runs)
 
     @cached_property
     def positions(self) -> Kept:
-        """By edge: at_s, x, y, vx, vy, ax, ay, ok, gain, in a position's window."""
+        """Rows of at_s, x, y, vx, vy, ax, ay, ok, gain, in a position's window."""
         return Kept(lambda at_s, half_s, _: self._fitted(at_s, half_s, True), self.edge_t_s, POSITION_STEP_S)
 
     @cached_property
     def speeds(self) -> Kept:
-        """By edge: at_s, x, y, vx, vy, ax, ay, ok, in a speed's window."""
+        """Rows like ``positions`` without gain, in a speed's window."""
         return Kept(lambda at_s, half_s, _: self._fitted(at_s, half_s, False), self.edge_t_s, SPEED_STEP_S)
 
     @cached_property
     def changes(self) -> Kept:
-        """By edge: at_s, change of speed (mm/s²), turn (rad/s), whether near a sudden start or stop."""
+        """Rows of at_s, change of speed (mm/s²), turn (rad/s), near a sudden start or stop."""
 
         def make(at_s: FloatArray, _: FloatArray, edges: IntArray) -> FloatArray:
             return np.column_stack([at_s, *self._changes(at_s, edges), self._catching_up(at_s, edges)])
@@ -154,7 +150,7 @@ class Traces:
 
     @cached_property
     def _reach(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """By edge, s: half span of a change of speed, half windows of speeds and of sudden starts."""
+        """Half span of a change of speed, half windows of speeds and of sudden starts."""
         scales, widths, sudden = [], [], []
         for data in self.runs:
             scale, interval_s = 1.0, sample_interval_s(data.t_s)
@@ -166,10 +162,7 @@ class Traces:
         return np.array(scales)[self.run], np.array(widths)[self.run], np.array(sudden)[self.run]
 
     def _changes(self, at_s: FloatArray, edges: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Change of speed, (q,) mm/s², and turn of the direction, (q,) rad/s, positive from x to y.
-
-        Windows apart from the position's share no noise with it, and suppress tremor.
-        """
+        """Change of speed, turn of the direction (positive from x to y); (q,)."""
         apart_s, width_s = (reach[edges] for reach in self._reach[:2])
         later, earlier = (
             local_fit(self.t_s, self.xy_mm, at_s + side * apart_s, width_s, degree=2, roundness=3) for side in (1, -1)
@@ -180,7 +173,7 @@ class Traces:
         return speed, direction
 
     def _catching_up(self, at_s: FloatArray, edges: IntArray) -> np.ndarray:
-        """Times near a sudden start or stop, (q,) bool: L falls faster than time passes, and no law holds."""
+        """Whether near a sudden start or stop, where no law holds."""
         out = np.zeros(at_s.size, bool)
         unsteady = np.flatnonzero(~self.steady[edges])
         if not unsteady.size:
@@ -211,7 +204,7 @@ class Traces:
 
 @lru_cache(maxsize=4)
 def traces_of(runs: tuple[RunData, ...]) -> Traces:
-    """The runs' traces as one, cached with their fits."""
+    """Traces, cached with their fits."""
     spans = np.array([[min(d.t_s[0], d.edge_t_s.min()), max(d.t_s[-1], d.edge_t_s.max())] for d in runs])
     lengths = np.diff(spans, axis=1)[:, 0] + BETWEEN_S
     shift_s = np.concatenate([[0.0], np.cumsum(lengths)[:-1]]) - spans[:, 0]

@@ -1,4 +1,4 @@
-"""The runs of a session, ready for the joint fit."""
+"""Runs of a session, ready for the joint fit."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ FINE_S = 0.004  # between events: finer ones are averaged, for every window is t
 class RunData:
     """One run ready for the joint fit.
 
-    Attributes: half_s: half width of position fits. noise_mm: of one event. t_s, xy_mm: events, averaged if finer than
-    ``FINE_S``; reported_s: each report. undone: effects; as_shown: the run before. spread: (n, events shown) influence.
+    t_s, xy_mm: events, averaged if finer than ``FINE_S``; reported_s: each report. half_s: half window of positions.
+    noise_mm: of one event. as_shown: the run before ``undone``. spread: (n, events shown) influence.
     """
 
     run: Run
@@ -57,17 +57,17 @@ class RunData:
 
     @property
     def keeps_moving(self) -> bool:
-        """Whether the hand does not rest: a panel's catching up afterwards is not modelled."""
+        """Whether the hand does not rest; a panel's catching up is not modelled."""
         return self.steady or self.run.protocol in ("chirp", "multisine")
 
     @cached_property
     def losses_s(self) -> FloatArray:
-        """First and last time of each contact loss, (k, 2) s."""
+        """First and last time of contact losses, (k, 2)."""
         return contact_losses(self.t_s)
 
     @property
     def velocity_half_s(self) -> float:
-        """Half window of a velocity, s: as for a speed, limited on circles."""
+        """Half window of a velocity, limited on circles."""
         wide_s = float(np.median(self.speed_half_s))
         if self.estimate is None or not self.run.radius_mm or not self.estimate.speed_mm_s:
             return wide_s
@@ -75,13 +75,13 @@ class RunData:
 
     @cached_property
     def smooth_mm(self) -> FloatArray:
-        """Smoothed positions at the events, (n, 2) mm."""
+        """Smoothed positions at the events, (n, 2)."""
         fit = local_fit(self.t_s, self.xy_mm, self.t_s, self.half_s)
         return np.where(fit.ok[:, None], fit.xy_mm, self.xy_mm)
 
     @cached_property
     def quick(self) -> tuple[FloatArray, FloatArray]:
-        """Times (g,) s and the trace's speed, (g,) mm/s, in the shortest window that noise allows."""
+        """Times and speeds (g,), in the shortest window that noise allows."""
         step_s = max(sample_interval_s(self.t_s), QUICK_S)
         grid_s = np.arange(self.t_s[0], self.t_s[-1], step_s)
         fit = local_fit(self.t_s, self.xy_mm, grid_s, float(np.median(self.speed_half_s)))
@@ -93,7 +93,7 @@ class RunData:
 
     @cached_property
     def coarse(self) -> tuple[FloatArray, FloatArray]:
-        """``quick`` at fewer times, (g,) s and mm/s."""
+        """``quick`` at fewer times."""
         grid_s = np.arange(self.quick[0][0], self.quick[0][-1], COARSE_S)
         return grid_s, np.interp(grid_s, *self.quick)
 
@@ -105,7 +105,7 @@ class RunData:
 
 
 def gather(session: Session) -> tuple[RunData, ...]:
-    """Runs with enough usable edges, without chatter, and without outliers where steady."""
+    """Runs with enough usable edges, without chatter; steady ones without outliers."""
     out = []
     for run in session.runs:
         try:
@@ -148,7 +148,7 @@ def gather(session: Session) -> tuple[RunData, ...]:
 
 
 def averaged(t_s: FloatArray, xy_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean times (k,) s and positions (k, 2) mm within ``FINE_S``, not across contact losses."""
+    """Means (k,), (k, 2) within ``FINE_S``, not across contact losses."""
     each = round(FINE_S / sample_interval_s(t_s)) if t_s.size > 2 else 1
     if each < 2:
         return t_s, xy_mm
@@ -167,7 +167,7 @@ def _guess_s(estimate: RunEstimate | None) -> float:
 def _widths(
     run: Run, t_s: FloatArray, xy_mm: FloatArray, edge_t_s: FloatArray, estimate: RunEstimate | None
 ) -> tuple[float, FloatArray, float] | None:
-    """Half widths of position fits, s, and speed fits, (m,) s, and an event's noise, mm; None without noise."""
+    """Half windows of positions and of speeds (m,), noise; None if that is unknown."""
     guess_s, dt_s = _guess_s(estimate), sample_interval_s(t_s)
     half_s, noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], edge_t_s + guess_s)
     if not np.isfinite(noise_mm):
@@ -180,25 +180,22 @@ def _widths(
 
 
 def _on_a_circle_s(radius_mm: float, speed_mm_s: float, dt_s: float) -> float:
-    """Half the widest window in which a cubic follows a circle, s."""
+    """Half the widest window in which a cubic follows a circle."""
     return max(CUBIC_RAD * radius_mm / speed_mm_s, 4.5 * dt_s)
 
 
 def as_shown(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
-    """The runs as the panel showed them."""
+    """Runs as the panel showed them."""
     return tuple(data.as_shown or data for data in runs)
 
 
 def before_events(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
-    """The runs as shown, with only effects on events, as a filter's, undone."""
+    """Runs with only effects on events undone."""
     return undone(runs, [effect for effect in runs[0].undone if effect.of_events]) if runs else runs
 
 
 def undone(runs: tuple[RunData, ...], effects: Sequence[Undoing]) -> tuple[RunData, ...]:
-    """The runs with these effects undone in their traces.
-
-    Raises EstimateError where nothing of a run is left: as shown, it would pass for undone.
-    """
+    """Runs with effects undone in their traces. Raises EstimateError if nothing of a run is left."""
     wanted = tuple(sorted(effects, key=lambda effect: effect.place))
     if not runs or wanted == runs[0].undone:
         return runs

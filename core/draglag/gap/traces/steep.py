@@ -1,4 +1,4 @@
-"""Wider windows for the speed where the law is steep and turns its noise into latency."""
+"""Wider speed windows where the law is steep."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EVERY = 5
 
 
 def wide_enough(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:
-    """Circle runs with speed windows for less than 0.2 ms of latency noise, as far as the circle allows."""
+    """Runs, circles with speed windows for less than 0.2 ms of latency noise."""
     known = sorted(
         (d.estimate.speed_mm_s, d.estimate.latency_s)
         for d in runs

@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TouchNoise:
-    """Covariances by touch noise of edges that share events: first ≤ second, (k,) indices; mm2: (k,)."""
+    """Covariances of edges that share events, (k,); first ≤ second: indices."""
 
     first: IntArray
     second: IntArray
     mm2: FloatArray
 
     def variance_mm2(self, m: int) -> FloatArray:
-        """Variance of every edge, (m,) mm²."""
+        """Variance of each edge, (m,)."""
         own = self.first == self.second
         return np.asarray(np.bincount(self.first[own], self.mm2[own], m))
 
     def band_mm2(self, use: np.ndarray, reach: int) -> FloatArray:
-        """Lower band: row j holds used edges i and i + j, (reach, used) mm²."""
+        """Lower band (reach, used): row j holds edges i and i + j."""
         place = np.cumsum(use) - 1
         inside = use[self.first] & use[self.second]
         first, second = place[self.first[inside]], place[self.second[inside]]
@@ -42,7 +42,7 @@ class TouchNoise:
 
 
 def touch_noise(placed: Placed) -> TouchNoise:
-    """Covariances of all placed edges by noise of their events."""
+    """Covariances of all placed edges."""
     parts = []
     for rows in _rows(placed):
         pairs = (rows @ rows.T).tocoo()
@@ -52,7 +52,7 @@ def touch_noise(placed: Placed) -> TouchNoise:
 
 
 def _rows(placed: Placed) -> tuple[csr_matrix, csr_matrix]:
-    """Shift of each edge by noise of each event in y and in x, (m, events) mm."""
+    """Shift by noise of each event in y and in x, (m, events)."""
     velocity, noise_mm = placed.v_mm_s, placed.traces.noise_mm
     shown = np.maximum(np.hypot(velocity[:, 0], velocity[:, 1]), 1e-6)
     # A speed error moves L by L′ and the edge by v_n L′; direction cosines of the motion split it by axis.
@@ -69,7 +69,7 @@ def _scaled(rows: csr_matrix, by: FloatArray) -> csr_matrix:
 
 
 def spread_of(runs: Sequence[RunData]) -> csr_matrix | None:
-    """Influence of shown events on those of all runs; None where equal."""
+    """Influence of shown events on those of all runs; None if equal."""
     if all(data.spread is None for data in runs):
         return None
     each = [identity(d.t_s.size, format="csr") if d.spread is None else d.spread for d in runs]

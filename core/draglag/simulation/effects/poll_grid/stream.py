@@ -135,7 +135,6 @@ def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
 
 
 def _scatter_of_grid(grids: Sequence[_Grid]) -> float:
-    """In ticks; median over runs."""
     return float(np.median([_spread(grid.off_s) / grid.period_s for grid in grids]))
 
 
@@ -160,7 +159,7 @@ def _on_grid(t_s: FloatArray, period_s: float) -> _Grid:
 
 
 def _beat(grids: Sequence[_Grid], longest: int) -> tuple[float, float]:
-    """Log-likelihood of a beat less that of ``_of_neighbours``; frame period in ticks."""
+    """Log-likelihood over ``_of_neighbours``; frame period in ticks."""
     steps = np.concatenate([np.diff(grid.tick) for grid in grids])
     usual = float(np.mean(steps[steps <= 3 * max(float(np.median(steps)), 1.0)]))
     windows = [window for grid in grids for window in _windows(grid.tick, int(np.ceil(usual)) + 1, longest)]
@@ -177,7 +176,6 @@ def _apart(windows: Sequence[IntArray]) -> float:
 
 
 def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
-    """Stretches between missing frames."""
     parts = np.split(tick, np.flatnonzero(np.diff(_frames(tick, frame)) > 1) + 1)
     return [part for part in parts if part.size >= FEWEST]
 

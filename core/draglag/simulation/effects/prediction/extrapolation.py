@@ -1,4 +1,4 @@
-"""Extrapolation of positions by the velocity over the last events."""
+"""Extrapolation by the velocity over the last events."""
 
 from __future__ import annotations
 

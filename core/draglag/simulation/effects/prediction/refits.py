@@ -40,6 +40,6 @@ def _undone(session: Session, before: Fit, found: Fit, window_s: float) -> Fit |
 
 
 def _likelihoods_differ_by(one: Fit, other: Fit) -> float:
-    """Log-likelihood ratio on common edges."""
+    """On common edges."""
     both = one.use & other.use
     return log_likelihood_on(one, both) - log_likelihood_on(other, both)

@@ -63,7 +63,6 @@ def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[Tou
 def _at_even_ages(
     touches: Sequence[TouchTrace], fits: Sequence[_Fit | None], alpha: float, period_s: float, frame_s: float
 ) -> list[TouchTrace]:
-    """Traces without ages; runs without a fit unchanged."""
     out = []
     for touch, fit in zip(touches, fits, strict=True):
         if fit is None:

@@ -96,7 +96,7 @@ def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step:
 
 
 def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
-    """Refit by times, in turn with its law."""
+    """By times, in turn with the law."""
     fit, law, setting, size_s = None, None, switching.setting, switching.size_s
     for _ in range(ROUNDS):
         only = away(before.placed, setting, size_s)

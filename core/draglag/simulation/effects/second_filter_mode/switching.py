@@ -229,7 +229,6 @@ def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[
 
 
 def _square(z: FloatArray) -> FloatArray:
-    """z², limited."""
     return np.minimum(z**2, 25.0)
 
 
