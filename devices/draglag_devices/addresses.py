@@ -1,5 +1,4 @@
-"""Addresses of devices, ``scheme:target?option=value&…``. Only an address chooses the simulator, never a missing
-device."""
+"""Device addresses, ``scheme:target?option=value&…``; only an address chooses the simulator, never a missing device."""
 
 from __future__ import annotations
 
@@ -39,7 +38,7 @@ DRIVERS = {"evdev": "draglag_devices.evdev_touch", "ethercat": "draglag_devices.
 
 @dataclass(frozen=True)
 class Address:
-    """A parsed address; ``target`` is the text between scheme and options."""
+    """A parsed address."""
 
     text: str
     scheme: str
@@ -47,7 +46,7 @@ class Address:
     options: Mapping[str, str] = field(default_factory=dict)
 
     def number(self, name: str, default: float | None = None) -> float | None:
-        """The option as a number, or the default. Raises DeviceError."""
+        """The option as a number. Raises DeviceError."""
         if name not in self.options:
             return default
         try:
@@ -60,7 +59,7 @@ class Address:
             ) from None
 
     def choice(self, name: str, known: tuple[str, ...], default: str) -> str:
-        """The option, one of the known words. Raises DeviceError."""
+        """The option. Raises DeviceError unless it is ``known``."""
         value = self.options.get(name, default)
         if value not in known:
             raise DeviceError(
@@ -71,7 +70,7 @@ class Address:
         return value
 
     def only(self, *names: str) -> None:
-        """Raise DeviceError for any other option, such as a misspelt one."""
+        """Raise DeviceError for any other option."""
         for name in self.options:
             if name not in names:
                 known = ", ".join(names) if names else "none"
@@ -122,15 +121,15 @@ def parse_address(text: str) -> Address:
 
 
 def other_drivers() -> dict[str, Driver]:
-    """Scheme → driver of other packages (docs/sources.md)."""
+    """Scheme → driver of other packages."""
     return drivers_of_others(_SERVES, ROLES)
 
 
 def known_forms() -> tuple[str, ...]:
-    """Every form of address that can be used here."""
+    """Every form of address, other packages' included."""
     return (*KNOWN_FORMS, *(driver.FORM for driver in other_drivers().values()))
 
 
 def roles_of(scheme: str) -> tuple[str, ...]:
-    """The roles that a scheme can serve."""
+    """Roles of a known scheme."""
     return _SERVES[scheme] if scheme in _SERVES else tuple(other_drivers()[scheme].ROLES)

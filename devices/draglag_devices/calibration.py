@@ -1,4 +1,4 @@
-"""Calibrations of touchscreens: files, and mappings for drivers."""
+"""Calibration files of touchscreens."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _LARGEST = 2.0**32
 
 
 def as_mapping(fit: AffineFit) -> Mapping2D:
-    """The fit as the decoder's mapping."""
+    """The fit as a function of raw positions."""
     return Mapping2D(*(float(value) for value in fit.matrix.ravel()))
 
 
 def save_calibration(fit: AffineFit, path: Path, device: str = "", made: TouchCalibration | None = None) -> None:
     """Write a fit, and the touches it was ``made`` from. Raises DataError.
 
-    ``device``: name of the touchscreen; a file with a name serves no other.
+    ``device``: the touchscreen's name; without one the file serves any.
     """
     content: dict[str, object] = {
         "format": _FORMAT,
@@ -55,7 +55,7 @@ def save_calibration(fit: AffineFit, path: Path, device: str = "", made: TouchCa
 
 
 def load_calibration(path: Path) -> tuple[AffineFit, str]:
-    """A saved fit and the name of its touchscreen. Raises DataError."""
+    """A saved fit and its touchscreen's name. Raises DataError."""
     content = _read(path)
     try:
         matrix = np.array(content["matrix"], np.float64).reshape(2, 3)
@@ -73,7 +73,7 @@ def load_calibration(path: Path) -> tuple[AffineFit, str]:
 
 
 def load_touches(path: Path) -> TouchCalibration:
-    """A saved calibration, without touches where the file has none. Raises DataError."""
+    """A saved calibration; touches empty where the file has none. Raises DataError."""
     fit, device = load_calibration(path)
     content = _read(path)
     touches = content.get("touches", dict.fromkeys(_TOUCHES, ()))

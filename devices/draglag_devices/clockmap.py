@@ -1,4 +1,4 @@
-"""Device stamps → host times while recording, from bounds so far."""
+"""Device stamps → host times while recording."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ _DRIFT_SIGMA = 1e-4
 
 
 class OnlineClockMap:
-    """A line through the last bounds of an epoch, weighted by width; prior of the drift 0 ± 100 ppm. The file keeps
-    stamps and bounds, so an analysis can map again with all."""
+    """A line through the last ``keep`` bounds of an epoch, weighted by their width; prior of the drift 0 ± 100 ppm."""
 
     def __init__(self, keep: int = 120) -> None:
         self._bounds: deque[tuple[float, float, float]] = deque(maxlen=keep)
@@ -38,7 +37,7 @@ class OnlineClockMap:
         return bool(self._bounds)
 
     def to_host(self, device_s: FloatArray) -> FloatArray:
-        """Host times of device stamps, (n,) → (n,). Raises ValueError before the first bounds."""
+        """Host times, (n,) → (n,). Raises ValueError before the first bounds."""
         if not self._bounds:
             raise ValueError("no bounds between the device's clock and the host's yet")
         if self._line is None:

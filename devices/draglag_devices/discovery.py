@@ -1,4 +1,4 @@
-"""Devices present: the simulator, and what drivers find."""
+"""Devices that are present."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag_devices.addresses import DRIVERS, other_drivers
 
 @dataclass(frozen=True)
 class Found:
-    """One device; ``remedy`` if not ``usable`` (rights, cable, in use)."""
+    """One device; ``remedy``: what makes it ``usable``."""
 
     address: str
     roles: tuple[str, ...]
@@ -25,16 +25,18 @@ class Found:
 
 @runtime_checkable
 class Discovers(Protocol):
-    """A driver's module that lists devices; EtherCAT's also takes interfaces to probe."""
+    """A driver's module that lists devices; ``probe`` is passed to EtherCAT's alone."""
 
     def discover(self, probe: Collection[str] = ()) -> list[Found]:
-        """Devices present, usable or with a remedy."""
+        """Devices present."""
         ...
 
 
 def discover(probe: Collection[str] = ()) -> list[Found]:
-    """The simulator, then what every driver finds; a driver without its package is an entry with the remedy. ``probe``:
-    interfaces to ask for EtherCAT devices although in use."""
+    """The simulator, then each driver's devices; an entry with the remedy for a driver without its package.
+
+    ``probe``: interfaces to ask for EtherCAT devices although in use.
+    """
     found = [Found("sim:", ("touch", "laser", "walt"), message("simulated rig (any screen of the presets)"))]
     for scheme, module_name in DRIVERS.items():
         try:

@@ -15,14 +15,11 @@ from draglag_devices.stage import Stage
 
 
 def open_source(address: str | Address, role: str, stage: Stage | None = None) -> Source:
-    """The source at an address, not yet open.
+    """The source at an address, not yet open. Raises DeviceError, also for a missing driver.
 
     Args:
         role: "touch" | "laser" | "walt".
         stage: what the sources of one session share; a new one if None.
-
-    Raises:
-        DeviceError: unknown address, a role the scheme cannot serve, or a missing driver.
     """
     parsed = parse_address(address) if isinstance(address, str) else address
     if role not in ROLES:

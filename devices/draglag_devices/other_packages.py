@@ -1,4 +1,4 @@
-"""Device schemes of other packages: entry points ``draglag.sources``."""
+"""Device schemes of other packages: entry points ``draglag.sources`` (docs/sources.md)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ GROUP = "draglag.sources"
 
 
 class Driver(Protocol):
-    """The module of a scheme, perhaps with ``discover()`` (``discovery.Found``)."""
+    """The module of a scheme, perhaps with ``discover()``."""
 
     ROLES: tuple[str, ...]
     """Roles of its devices: "touch", "laser", "walt"."""
@@ -26,13 +26,12 @@ class Driver(Protocol):
     """Form of an address: ``scheme:TARGET?option=1``."""
 
     def open_source(self, address: Address, role: str) -> Source:
-        """The source at an address, not yet open. Raises DeviceError."""
+        """The source, not yet open. Raises DeviceError."""
         ...
 
 
 def drivers_of_others(taken: Collection[str], roles: Collection[str]) -> dict[str, Driver]:
-    """Scheme → driver, without unusable ones, which are warned of. ``taken``: draglag's schemes; ``roles``: known
-    ones."""
+    """Scheme → driver; a warning for each unusable one. ``taken``: schemes of draglag; ``roles``: known ones."""
     return _drivers(frozenset(taken), frozenset(roles))
 
 

@@ -40,8 +40,7 @@ _COLUMNS = {"touch": ("t_s", "x_mm", "y_mm"), "laser": ("t_s", "light")}
 
 
 class Tape:
-    """A recording played run by run, shifted to the target's start: the run of that id, else the next one not
-    played."""
+    """A recording played run by run, shifted to the target's start: the run of that id, else the next unplayed."""
 
     def __init__(self, name: str, runs: tuple[Run, ...], taps: Taps | None = None) -> None:
         self.name = name
@@ -68,7 +67,7 @@ class Tape:
             self.timelines[role].add(clock=_with_upper_bound(moved))
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
-        """Play shocks as recorded, and their contacts as the kernel registered them."""
+        """Play the shocks and the contacts that the kernel registered."""
         taps = self._taps
         if taps is None or len(taps.physical_s) == 0:
             return
@@ -91,7 +90,7 @@ class Tape:
 
 
 def _with_upper_bound(bounds: ClockBounds) -> ClockBounds:
-    """Observations with an end: without one they have no time of release."""
+    """Comparisons with an upper bound: others have no time of release."""
     good = np.isfinite(bounds.host_max_s)
     epoch = bounds.epoch[good] if len(bounds.epoch) else bounds.epoch
     return replace(
@@ -104,7 +103,7 @@ def _with_upper_bound(bounds: ClockBounds) -> ClockBounds:
 
 
 def replay_source(stage: Stage, role: str, address: Address) -> TimelineSource:
-    """A source that plays a file, read on opening. Raises DeviceError."""
+    """A source that plays a file, read on ``open``. Raises DeviceError."""
     address.only(*OPTIONS)
     timeline = Timeline()
 
@@ -122,12 +121,11 @@ def replay_source(stage: Stage, role: str, address: Address) -> TimelineSource:
 
 
 def _shared(address: Address, role: str) -> str:
-    """A CSV file serves one role; others serve all from one tape."""
     return role if address.scheme == "csv" else "all"
 
 
 def load_tape(address: Address, role: str) -> Tape:
-    """The recording at an address. Raises DeviceError with the reader's sentence."""
+    """The recording at an address. Raises DeviceError."""
     path = Path(address.target)
     if not os.path.exists(path):
         raise DeviceError(address.text, "there is no such file", "check the path")
@@ -200,7 +198,7 @@ def _csv_tape(path: Path, role: str) -> Tape:
 
 
 def read_csv(path: Path, columns: tuple[str, ...]) -> list[FloatArray]:
-    """Columns, each (n,), of a CSV file with a header. Raises DataError naming file and line."""
+    """Columns, each (n,), of a CSV file with a header. Raises DataError."""
     table = read_table(path, columns)
     wrong = ~np.isfinite(table).all(axis=1) | (np.abs(table[:, 0]) > TIME_S)
     wrong[1:] |= np.diff(table[:, 0], prepend=-np.inf)[1:] < 0

@@ -1,4 +1,4 @@
-"""From addresses to a session's sources, on one clock."""
+"""From addresses to a session's sources on one clock."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SIMULATED = ("sim", "replay", "csv")
 
 @dataclass(frozen=True)
 class Rig:
-    """Sources, not yet open, and the stage they share."""
+    """Sources, not yet open, and what they share."""
 
     sources: tuple[Source, ...]
     stage: Stage
@@ -29,15 +29,12 @@ class Rig:
 def make_rig(
     addresses: Mapping[str, str], screen_name: str = "screen-1", seed: int = 0, fast: bool | None = None
 ) -> Rig:
-    """Sources for roles ("touch", "laser", "walt") at their addresses.
+    """Sources at their addresses, by role. Raises DeviceError, also where addresses contradict each other.
 
     Args:
-        addresses: role → address.
+        addresses: role ("touch", "laser", "walt") → address.
         screen_name, seed: of the simulated world, unless an address gives them (``sim:?seed=3``).
         fast: instead of real time; None leaves it to ``?speed=`` (default real).
-
-    Raises:
-        DeviceError: an address is wrong, addresses contradict each other, or a real device cannot run fast.
     """
     parsed = {role: parse_address(text) for role, text in addresses.items()}
     simulated = [address for address in parsed.values() if address.scheme == "sim"]
@@ -50,7 +47,6 @@ def make_rig(
 
 
 def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
-    """Whether sources run faster than time. Raises DeviceError where they differ or cannot."""
     speeds = {
         role: address.choice("speed", ("real", "fast"), "fast" if fast else "real")
         for role, address in parsed.items()
@@ -69,15 +65,17 @@ def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
 
 
 def give_panel(sources: Iterable[Source], screen: Screen) -> None:
-    """Give the panel's size to sources that accept it, before they are opened."""
+    """Give the panel's size to sources that accept it; before they are opened."""
     for source in sources:
         if isinstance(source, AcceptsPanel):
             source.use_panel(screen.width_mm, screen.height_mm)
 
 
 def give_calibration(rig: Rig, mapping: Mapping2D, device: str, rms_mm: float) -> bool:
-    """Whether a source accepted the mapping to mm; before it is opened. Touchscreens of another name than ``device``
-    refuse to open."""
+    """Whether a source accepts the mapping; before it is opened.
+
+    A touchscreen of another name than ``device`` then refuses to open.
+    """
     accepting = [source for source in rig.sources if isinstance(source, AcceptsCalibration)]
     for source in accepting:
         source.use_calibration(mapping, device, rms_mm)

@@ -1,4 +1,4 @@
-"""The protocol of every device: open, read, close."""
+"""The protocol of every device (docs/sources.md)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag.touch_events.frames import Mapping2D
 
 
 class DeviceError(DraglagError):
-    """A device cannot be used: source (its address), problem and remedy."""
+    """A device cannot be used; ``source``: its address."""
 
     def __init__(self, source: str, problem: str, remedy: str = "") -> None:
         self.source = source
@@ -25,7 +25,7 @@ class DeviceError(DraglagError):
 
 @dataclass(frozen=True)
 class Notice:
-    """For operator and file: a loss, restart, unplugging, return. ``state``: "lost", "back" or empty."""
+    """For operator and file. ``state``: "lost", "back" or empty."""
 
     t_s: float
     level: str  # "info" | "warning" | "error"
@@ -35,7 +35,7 @@ class Notice:
 
 @dataclass(frozen=True)
 class SourceInfo:
-    """Description of an open source."""
+    """An open source."""
 
     address: str
     role: str  # "touch" | "laser" | "walt"
@@ -64,8 +64,8 @@ class ContactChanges:
 class Batch:
     """Result of one read; complete up to the host time ``until_s``.
 
-    Fields without news are None. ``alive`` is False while a lost device is being recovered (a notice says why). A WALT
-    reports shocks as taps with ``registered_s`` NaN, which the session pairs with ``contacts``.
+    ``alive`` is False while a lost device is searched for. A WALT reports shocks as taps with ``registered_s`` NaN,
+    which the session pairs with ``contacts``.
     """
 
     until_s: float
@@ -79,27 +79,27 @@ class Batch:
 
 
 class Source(Protocol):
-    """A device: opened, read from one thread, and closed (twice without harm)."""
+    """A device, read from one thread."""
 
     address: str
     role: str
 
     def open(self) -> SourceInfo:
-        """Claim the device. Raises DeviceError with a remedy."""
+        """Claim the device. Raises DeviceError."""
         ...
 
     def read(self, timeout_s: float) -> Batch:
-        """Samples, after waiting at most ``timeout_s``. Raises DeviceError when the device is lost for good."""
+        """Samples, after waiting at most ``timeout_s``. Raises DeviceError when lost for good."""
         ...
 
     def close(self) -> None:
-        """Release the device. Never raises."""
+        """Release the device. Never raises; twice does no harm."""
         ...
 
 
 @runtime_checkable
 class Paced(Protocol):
-    """A source whose time may not be real; without this, it is."""
+    """A source that need not run in real time; without this, it does."""
 
     realtime: bool
     """False where a reader may wait until samples are used (simulation, replay)."""
@@ -107,10 +107,10 @@ class Paced(Protocol):
 
 @runtime_checkable
 class AcceptsPanel(Protocol):
-    """A touchscreen that uses the panel's size where it reports no units per mm."""
+    """A touchscreen that needs the panel's size where it reports no units per mm."""
 
     def use_panel(self, width_mm: float, height_mm: float) -> None:
-        """Take the size of the panel under test; before ``open``."""
+        """Take the panel's size; before ``open``."""
         ...
 
 
@@ -119,7 +119,7 @@ class AcceptsCalibration(Protocol):
     """A touchscreen whose units a calibration maps to mm."""
 
     def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
-        """Take the mapping, the calibrated touchscreen's name, and the fit's residual; before ``open``."""
+        """Take the mapping, its touchscreen's name and the fit's residual; before ``open``."""
         ...
 
 
@@ -128,14 +128,14 @@ class Concludes(Protocol):
     """A source with notices left when reading ends."""
 
     def final_notices(self) -> tuple[Notice, ...]:
-        """Unreported notices; called once between the last ``read`` and ``close``, from the reading thread."""
+        """Unreported notices; once, between last ``read`` and ``close``, from the reading thread."""
         ...
 
 
 @runtime_checkable
 class Synchronises(Protocol):
-    """A source that can compare its clock with the host's in full, before and after a block."""
+    """A source that can fully compare its clock with the host's on request."""
 
     def synchronise(self) -> threading.Event:
-        """An event, set just before the next ``read`` returns its comparison, if any. From any thread."""
+        """An event, set just before the ``read`` that returns the comparison, if any. From any thread."""
         ...

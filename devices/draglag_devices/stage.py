@@ -1,4 +1,4 @@
-"""What a session's sources share: clock, and players (simulation or tape) that follow its targets."""
+"""What a session's sources share."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from draglag_devices.timeline import Timeline
 
 
 class Player(Protocol):
-    """Acts out what the display shows: the simulated hand, or a tape."""
+    """Follows the session's targets: the simulated hand, or a tape."""
 
     timelines: dict[str, Timeline]
 
     def begin_run(self, planned: PlannedRun, start_s: float, run_id: str) -> None:
-        """The target starts to move at ``start_s``."""
+        """The target moves from the host time ``start_s`` on."""
         ...
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
@@ -30,7 +30,7 @@ class Player(Protocol):
         ...
 
     def stop(self) -> None:
-        """The target is gone: drop what was not given out yet."""
+        """The target is gone: drop samples not yet released."""
         ...
 
 
@@ -39,13 +39,13 @@ class TouchesTargets(Protocol):
     """A player that touches calibration targets; recordings cannot."""
 
     def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
-        """Touch the target at (x_mm, y_mm) from ``start_s`` on."""
+        """Touch there from ``start_s`` on."""
         ...
 
 
 @dataclass
 class Stage:
-    """Shared by the sources of one session; not global.
+    """What the sources of one session share.
 
     ``players``: by a key such as "sim" or a tape's path, so that touch and laser of a tape stay together.
     """
@@ -70,7 +70,7 @@ class Stage:
             player.begin_taps(tap, start_s)
 
     def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
-        """Have players that can touch the calibration target, from ``start_s`` on."""
+        """Have players touch there, where they can."""
         for player in self.players.values():
             if isinstance(player, TouchesTargets):
                 player.begin_touch(x_mm, y_mm, start_s)
@@ -81,7 +81,7 @@ class Stage:
 
 
 def contact_changes(touch: TouchTrace, lift_after_s: float) -> ContactChanges:
-    """Beginnings and ends of contacts; an end is reported ``lift_after_s`` after the last event."""
+    """Beginnings and ends of contacts, an end ``lift_after_s`` after the last event."""
     n = len(touch.t_s)
     if n == 0:
         return ContactChanges(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))

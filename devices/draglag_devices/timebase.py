@@ -1,4 +1,4 @@
-"""A session's clock: the host's, or one stepped as fast as possible."""
+"""A session's clock: the host's, or a simulated one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 
 
 class TimeBase(Protocol):
-    """The time of one session, s."""
+    """The time of one session."""
 
     realtime: bool
 
@@ -17,7 +17,7 @@ class TimeBase(Protocol):
         ...
 
     def advance_to(self, t_s: float) -> None:
-        """Move a stepped clock to ``t_s`` at once; no effect on the host's."""
+        """Move a simulated clock; no effect on the host's."""
         ...
 
     def wait_past(self, t_s: float, timeout_s: float) -> float:
@@ -26,7 +26,7 @@ class TimeBase(Protocol):
 
 
 class HostTime:
-    """CLOCK_MONOTONIC of the host."""
+    """CLOCK_MONOTONIC."""
 
     realtime = True
 
@@ -44,7 +44,7 @@ class HostTime:
 
 
 class SteppedTime:
-    """A simulated clock: it stands still until the session advances it."""
+    """A clock that stands still until the session advances it. Thread-safe."""
 
     realtime = False
 

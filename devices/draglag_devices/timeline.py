@@ -25,7 +25,7 @@ _REAL_READ_S = 0.04
 def sample_times(
     samples: TouchTrace | LaserTrace | Taps | ClockBounds | ContactChanges,
 ) -> np.ndarray[Any, Any]:
-    """The host time at which each sample becomes known, (n,)."""
+    """Host time at which each sample becomes known, (n,)."""
     if isinstance(samples, Taps):
         return samples.physical_s
     if isinstance(samples, ClockBounds):
@@ -34,7 +34,7 @@ def sample_times(
 
 
 def part(samples: _Samples, first: int, last: int) -> _Samples:
-    """Samples ``first``..``last`` of a trace; counts and gaps stay with the first part."""
+    """Samples ``first``..``last`` (excluded); counts and gaps stay with the first part."""
     n = len(sample_times(samples))
     changed: dict[str, Any] = {}
     for spec in fields(samples):
@@ -52,7 +52,7 @@ def part(samples: _Samples, first: int, last: int) -> _Samples:
 
 @dataclass
 class _Lane:
-    """Samples of one kind by time, and how many were released."""
+    """Samples of one kind by time."""
 
     pending: list[Any] = field(default_factory=list)
 
@@ -114,14 +114,14 @@ class Timeline:
             self._notices.extend(notices)
 
     def cut(self) -> None:
-        """Drop what has not been released: the run was aborted."""
+        """Drop what has not been released."""
         with self._lock:
             for lane in self._lanes.values():
                 lane.pending.clear()
             self._notices.clear()
 
     def take(self, until_s: float) -> Batch:
-        """Samples stamped up to ``until_s`` and not yet released."""
+        """Samples up to ``until_s``, once."""
         with self._lock:
             self.given_until_s = max(self.given_until_s, until_s)
             due = tuple(notice for notice in self._notices if notice.t_s <= until_s)
@@ -131,10 +131,10 @@ class Timeline:
 
 
 class TimelineSource:
-    """A source that reads a timeline on a session's clock.
+    """A source that reads a timeline.
 
-    Edges with device stamps are mapped through the bounds delivered so far, as by a real driver; others keep their
-    times. ``device_clock`` stamps a WALT's shocks: taps hold no device stamps.
+    Edges with device stamps are mapped through the bounds so far, as by a real driver. ``device_clock`` stamps a WALT's
+    shocks: taps hold no device stamps.
     """
 
     def __init__(

@@ -1,8 +1,5 @@
-"""The laser sensor on an EtherCAT terminal: ``ethercat:IFACE?channel=1``, EK1101 (or EK1100) + EL1252 through pysoem.
-
-A small privileged process (``master``) runs the bus at 1 kHz; ``source`` starts and reads it. No imports here: they
-would be in that process.
-"""
+"""The laser sensor on an EtherCAT terminal EL1252, through pysoem. No imports: they would be in the privileged
+process."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def open_source(address: Address, role: str) -> Source:
-    """The laser at an address, not yet open. Raises DeviceError on invalid options."""
+    """The laser at an address, not yet open. Raises DeviceError."""
     if sys.platform != "linux":
         from draglag_devices.source import DeviceError
 
@@ -28,7 +25,7 @@ def open_source(address: Address, role: str) -> Source:
 
 
 def discover(asked: Collection[str] = ()) -> list[Found]:
-    """Ethernet interfaces, and on which EtherCAT devices answer. Those in use are asked only if in ``asked``."""
+    """Ethernet interfaces with their EtherCAT devices; those in use are asked only if in ``asked``."""
     if sys.platform != "linux":
         return []
     from draglag_devices.ethercat_laser.finding import find_buses

@@ -1,4 +1,4 @@
-"""The bus through pysoem: bring-up with both mapping fixes, cycles, supervision, release."""
+"""The EtherCAT bus through pysoem: set-up, cycles, supervision."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _STATES = {1: "INIT", 2: "PRE-OP", 3: "BOOT", 4: "SAFE-OP", 8: "OP"}
 
 @dataclass(frozen=True)
 class Cycle:
-    """One exchange: working counter (−1: no answer), times, and the terminal's process image."""
+    """One exchange of the process image; ``wkc``: working counter, −1 without an answer."""
 
     wkc: int
     pair: Pair
@@ -44,17 +44,14 @@ class Cycle:
 
 
 class Bus:
-    """A bus in OP. Always ``close()`` it: pysoem keeps the socket otherwise. ``position``: the EL1252's on the line,
-    coupler 1."""
+    """A bus in OP. Always ``close()`` it: pysoem keeps the socket otherwise."""
 
     def __init__(self, interface: str, position: int = 0, progress: Callable[[], None] = lambda: None) -> None:
-        """Bring the bus up.
+        """Set the bus up. Raises Refusal, and what ``progress`` raises, with nothing left open.
 
         Args:
-            position: of the EL1252; 0: there is only one.
+            position: of the EL1252 on the line, coupler 1; 0: there is only one.
             progress: called after each step; SOEM does not let the longest be interrupted.
-
-        Raises Refusal, and what ``progress`` raises, with nothing left open.
         """
         self.interface, self.position = interface, position
         self._progress = progress
@@ -190,8 +187,8 @@ class Bus:
         return self.position or places[0]
 
     def _split_mapping(self) -> bytes:
-        """FMMU 0 and 1 as they must read back, written instead of SOEM's single FMMU, which maps RAM behind the inputs
-        in place of the stamps (SOEM #873)."""
+        """FMMU 0 and 1 as they must read back; SOEM's single one maps RAM behind the inputs, not the stamps (SOEM
+        #873)."""
         logical = _FMMU.unpack(self._read(_FMMU0, 16))[0]
         rest = IMAGE.size - 1
         inputs = _FMMU.pack(logical, 1, 0, 7, _INPUTS, 0, 1, 1)
@@ -201,13 +198,12 @@ class Bus:
         return inputs + latches
 
     def _clocks_agree(self) -> bool:
-        """Whether the terminal's clock follows the bus's: config_dc ignores a lost frame of its own."""
+        """Whether the terminal's clock follows the bus's: config_dc does not report a frame that it lost."""
         first, own, second = self.cycle(), self._read(_SYSTEM_TIME, 8), self.cycle()
         own_ns = int.from_bytes(own, "little")
         return first.pair.dc_ns - _AGREE_NS <= own_ns <= second.pair.dc_ns + _AGREE_NS
 
     def _enter(self, state: int) -> None:
-        """Bring all devices into a state; some need time, or process data first."""
         master = self._master
         until = time.monotonic() + _STATE_TIMEOUT_S
         while True:
@@ -242,7 +238,7 @@ class Bus:
         self._retried(lambda: self.terminal._fpwr(address, data))
 
     def _retried(self, exchange: Any) -> Any:
-        """The exchange, repeated as single frames get lost. Raises pysoem.WkcError after several."""
+        """The exchange, repeated where a frame is lost. Raises pysoem.WkcError."""
         for attempt in range(_TRIES):
             try:
                 return exchange()
@@ -254,7 +250,7 @@ class Bus:
     # --- running ----------------------------------------------------------------------------------------------
 
     def cycle(self) -> Cycle:
-        """One exchange; its pair holds host times (CLOCK_MONOTONIC) around the DC time."""
+        """One exchange, with host times around the DC time."""
         before = time.monotonic_ns()
         self._master.send_processdata()
         wkc = self._master.receive_processdata(_ANSWER_US)
@@ -262,13 +258,13 @@ class Bus:
         return Cycle(int(wkc), Pair(int(self._master.dc_time), before, after), self.terminal.input)
 
     def terminal_clock(self) -> Pair:
-        """The EL1252's clock, which stamps edges. Raises pysoem.WkcError."""
+        """The EL1252's clock. Raises pysoem.WkcError."""
         before = time.monotonic_ns()
         own = self._read(_SYSTEM_TIME, 8)
         return Pair(int.from_bytes(own, "little"), before, time.monotonic_ns())
 
     def in_operation(self) -> bool:
-        """Whether every device reports OP: with an error in SAFE-OP the working counter stays right."""
+        """Whether every device reports OP; the working counter does not show an error in SAFE-OP."""
         return self._master.read_state() & _STATE_AND_ERROR == pysoem.OP_STATE and all(
             slave.state & _STATE_AND_ERROR == pysoem.OP_STATE for slave in self._master.slaves
         )
@@ -299,7 +295,7 @@ class Bus:
         return [{"name": s.name, "product": int(s.id), "revision": int(s.rev)} for s in self._master.slaves]
 
     def close(self) -> None:
-        """Put reachable devices in INIT and release the interface. Twice does no harm."""
+        """Put devices in INIT, release the interface. Twice does no harm."""
         if not self._open:
             return
         self._open = False

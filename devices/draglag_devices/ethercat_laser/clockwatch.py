@@ -1,4 +1,4 @@
-"""The bus's clock against the host's: pairs for the mapping, detection of old frames."""
+"""Comparisons of the bus's clock (DC) with the host's."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _DRIFT = 2e-4
 
 @dataclass(frozen=True)
 class Pair:
-    """``dc_ns`` was read between two moments of the host's clock, ns."""
+    """``dc_ns`` was read between two host times."""
 
     dc_ns: int
     low_ns: int
@@ -23,14 +23,14 @@ class Pair:
 
 
 class ClockWatch:
-    """Bounds of the clocks' difference, and the narrowest recent pair."""
+    """The known difference of the clocks."""
 
     def __init__(self) -> None:
         self._reference: Pair | None = None
         self._best: Pair | None = None
 
     def fits(self, pair: Pair) -> bool:
-        """Whether the DC time fits the pair's moments: not of an old frame or a jumped clock."""
+        """Whether the DC time fits its host times; not in an old frame, nor after a jump of the clock."""
         known = self._reference
         if known is None:
             return True
@@ -39,7 +39,7 @@ class ClockWatch:
         return pair.dc_ns - pair.high_ns <= highest and pair.dc_ns - pair.low_ns >= lowest
 
     def offset_ns(self, pair: Pair) -> float:
-        """The least difference, ns, of a device's clock read in ``pair`` from the bus's."""
+        """Least difference of a device's clock, read in ``pair``, from the bus's."""
         known = self._reference
         if known is None:
             return 0.0
@@ -48,7 +48,7 @@ class ClockWatch:
         return max(0.0, pair.dc_ns - pair.high_ns - highest, lowest - (pair.dc_ns - pair.low_ns))
 
     def host_ns(self, dc_ns: int) -> tuple[int, int]:
-        """Host times, ns, between which the bus's clock showed ``dc_ns``; after a first ``add``."""
+        """Host times between which the bus's clock showed ``dc_ns``; after a first ``add``."""
         known = self._reference
         assert known is not None
         slack = int(_DRIFT * abs(dc_ns - known.dc_ns))
@@ -56,7 +56,7 @@ class ClockWatch:
         return known.low_ns + ahead - slack, known.high_ns + ahead + slack
 
     def add(self, pair: Pair) -> None:
-        """Use a pair that fits."""
+        """Use a pair that ``fits``."""
         if self._best is None or pair.width_ns < self._best.width_ns:
             self._best = pair
         known = self._reference

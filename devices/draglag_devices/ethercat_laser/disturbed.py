@@ -1,4 +1,4 @@
-"""Notices of disturbed bus cycles: all are counted, a warning only if many."""
+"""Notices of disturbed bus cycles."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _A_SECOND = 1000
 
 
 class Disturbances:
-    """Accumulates the bus process's counts. ``total``: refused cycles by reason."""
+    """Counts of refused cycles; ``total`` by reason."""
 
     def __init__(self) -> None:
         self.total: Counter[str] = Counter()
@@ -28,7 +28,7 @@ class Disturbances:
         self._warned_s = -WARN_EVERY_S
 
     def take(self, from_s: float, t_s: float, cycles: int, counts: Mapping[str, int]) -> Notice | None:
-        """A notice on these and earlier unreported cycles, or None."""
+        """A notice on all unreported cycles where it is time for one."""
         if self._since_s is None:
             self._since_s = from_s
         self.total += Counter(counts)
@@ -41,7 +41,7 @@ class Disturbances:
         return self.rest(t_s) if t_s - self._since_s >= COUNT_EVERY_S else None
 
     def rest(self, t_s: float) -> Notice | None:
-        """A notice on what is unreported, or None."""
+        """A notice on what is unreported."""
         counts, self._counts = self._counts, Counter()
         cycles, self._cycles = self._cycles, 0
         since_s, self._since_s = self._since_s, None

@@ -1,4 +1,4 @@
-"""Starting the privileged process that runs the bus."""
+"""Starts the privileged process that runs the bus."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MODULE = "draglag_devices.ethercat_laser.master"
 
 
 def command(*arguments: str) -> list[str]:
-    """The command line: this interpreter if it has the rights or there is no launcher, else the launcher."""
+    """The command line: of this interpreter if it has the rights or there is no launcher."""
     if not has_rights():
         for launcher in LAUNCHERS:
             if os.access(launcher, os.X_OK):
@@ -30,7 +30,7 @@ def command(*arguments: str) -> list[str]:
 
 
 def start(*arguments: str, complaints: IO[bytes]) -> subprocess.Popen[bytes]:
-    """The started process; its standard error goes to a file. Raises OSError."""
+    """The started process; standard error goes to ``complaints``. Raises OSError."""
     return subprocess.Popen(
         command(*arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaints, bufsize=0
     )

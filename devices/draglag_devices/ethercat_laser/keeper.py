@@ -1,8 +1,7 @@
-"""Keeps the bus alive: child processes run it in turn; one without progress is ended.
+"""Keeps the bus running in forks of this process, one after another, which end where they make no progress.
 
-SOEM cannot be interrupted. A late answer while it looks for devices can make it read address 0's EEPROM byte by byte
-for half a minute, as it takes the missing station address for 0. So each life of the bus is a fork of this process,
-which keeps rights, claim and pipe.
+SOEM cannot be interrupted: after a late answer it can read the EEPROM of address 0 byte by byte for half a minute, as
+it takes the missing station address for 0.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class Crashed(Exception):
 
 @dataclass(frozen=True)
 class End:
-    """How a life of the bus ended. ``ran``: it came up, and was lost for ``reason``; else ``refusal``."""
+    """How a child ended. ``ran``: the bus came up and was lost for ``reason``; else ``refusal``."""
 
     ran: bool
     reason: str = ""
@@ -60,10 +59,10 @@ class End:
 
 
 class Keeper:
-    """Lives of the bus until the reader goes.
+    """Runs the bus until the reader goes.
 
     Args:
-        life: runs the bus in the child, given epoch number and wire; returns at the end of its life.
+        life: runs the bus in the child, given the epoch's number, until it is lost.
         first_epoch: above 0 where an earlier process ran the bus: then it is brought back, not refused.
     """
 
@@ -77,7 +76,7 @@ class Keeper:
         self._lost_at: int | None = None
 
     def run(self) -> NoReturn:
-        """Raises ReaderGone, Crashed, and Refusal when the bus never came up."""
+        """Raises ReaderGone, Crashed, and Refusal where the bus never came up."""
         attempt = hung = 0
         while True:
             if not self._first:
@@ -100,7 +99,6 @@ class Keeper:
             attempt += 1
 
     def _await_answers(self) -> None:
-        """Wait until the line answers, asked with growing pauses. Raises ReaderGone."""
         asked = 0
         while True:
             self._still_dead()
@@ -149,7 +147,7 @@ class Keeper:
             child.end()
 
     def _take(self, content: dict[str, Any], line: bytes) -> End | None:
-        """Forward a child's message and update the state; the end where it reports one."""
+        """Forward a child's message; the end where it reports one."""
         kind = content["m"]
         if kind == "over":
             if content["dead_from"] is not None:
@@ -207,7 +205,7 @@ class Keeper:
 
 
 class _Child:
-    """A fork that runs the bus. It ends when this process closes its input, or ends."""
+    """A fork that runs the bus until this process closes its input, or ends."""
 
     def __init__(self, run: Callable[[Wire], None]) -> None:
         ours_in, its_out = os.pipe()
@@ -223,7 +221,7 @@ class _Child:
         self.out, self._in, self._rest, self._alive = ours_in, ours_out, b"", True
 
     def lines(self) -> list[bytes] | None:
-        """Whole lines received; None at the end of the pipe."""
+        """Lines received; None at the end of the pipe."""
         received = os.read(self.out, 1 << 16)
         if not received:
             return None
@@ -235,7 +233,7 @@ class _Child:
             os.kill(self._pid, signal.SIGKILL)
 
     def end(self) -> None:
-        """Ask it to end, wait a little, kill it. Twice does no harm."""
+        """Ask it to end, then kill it. Twice does no harm."""
         if not self._alive:
             return
         self._alive = False

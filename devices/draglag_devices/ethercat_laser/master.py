@@ -1,8 +1,8 @@
 """The process that runs the bus: ``python -m draglag_devices.ethercat_laser.master IFACE --channel 1``.
 
-Only it needs CAP_NET_RAW and CAP_NET_ADMIN. It claims the interface and forks a child that exchanges frames at 1 kHz
-(``keeper``, ``runner``) and writes to standard output (``wire``); it ends when standard input closes. Times: ns of
-CLOCK_MONOTONIC; DC times: ns since 2000-01-01.
+Only it needs CAP_NET_RAW and CAP_NET_ADMIN. It forks a child (``keeper``) that exchanges frames at 1 kHz (``runner``)
+and writes messages (``wire``), and ends when standard input closes. Times: ns of CLOCK_MONOTONIC; DC times: ns since
+2000-01-01.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _INHERIT_S = 3.0
 
 
 def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, position: int = 0) -> int:
-    """Run the bus: 0 when the reader went, 1 after sending a refusal."""
+    """Run the bus: 0 when the reader went, 1 after a refusal or crash."""
     lock = None
     try:
         if first_epoch == 0:

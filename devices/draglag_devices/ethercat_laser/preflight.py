@@ -23,7 +23,7 @@ INSTALL = f"sudo {_OF_THE_PACKAGE.name}" if _OF_THE_PACKAGE.exists() else "sudo 
 
 
 def check_interface(interface: str) -> None:
-    """Raises Refusal: no such interface, switched off, no carrier."""
+    """Raises Refusal: absent, switched off, no carrier."""
     try:
         socket.if_nametoindex(interface)
     except OSError:
@@ -52,7 +52,7 @@ def check_interface(interface: str) -> None:
 
 
 def link_state(interface: str) -> tuple[int, bool]:
-    """Flags and carrier, through a socket: /sys may show another network namespace. Raises OSError."""
+    """Flags and carrier, by a socket: /sys may show another network namespace. Raises OSError."""
     request = interface.encode().ljust(16, b"\0")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
         flags = struct.unpack_from("<H", fcntl.ioctl(control, _SIOCGIFFLAGS, request + bytes(24)), 16)[0]
@@ -80,7 +80,7 @@ def link_trouble(interface: str) -> str:
 
 
 def has_rights() -> bool:
-    """Whether this process may send raw frames and switch interfaces to promiscuous mode."""
+    """Whether this process may send raw frames (CAP_NET_RAW, CAP_NET_ADMIN)."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("CapEff:"):
             capabilities = int(line.split()[1], 16)
@@ -89,7 +89,7 @@ def has_rights() -> bool:
 
 
 def check_rights(interface: str) -> None:
-    """Raises Refusal without CAP_NET_RAW and CAP_NET_ADMIN."""
+    """Raises Refusal without ``has_rights``."""
     if not has_rights():
         raise Refusal(
             "no_rights",
@@ -99,7 +99,7 @@ def check_rights(interface: str) -> None:
 
 
 def other_master(interface: str) -> bool:
-    """Whether any program here listens for EtherCAT frames on the interface."""
+    """Whether any program listens for EtherCAT frames on the interface."""
     with contextlib.suppress(OSError):
         index = socket.if_nametoindex(interface)
         for line in Path("/proc/self/net/packet").read_text().splitlines()[1:]:
@@ -110,10 +110,9 @@ def other_master(interface: str) -> bool:
 
 
 def claim(interface: str, patience_s: float = 0.0) -> socket.socket:
-    """A lock against a second master: each would read the other's frames.
+    """A lock against a second master. Raises Refusal if in use after ``patience_s``.
 
     An abstract socket address belongs to the network namespace, as the interface does, and ends with the process.
-    Raises Refusal if still in use after ``patience_s``.
     """
     until = time.monotonic() + patience_s
     while True:

@@ -39,10 +39,10 @@ def scan_bus(
 
     Args:
         asked: interfaces to ask even though others use them.
-        send: whether any frame may go out.
+        send: whether any frame may be sent.
         only: interfaces that may be asked; any if None.
 
-    ``kinds``: (vendor, product) along the line, (0, 0) where unknown; ``left_alone``: why it was not asked.
+    ``kinds``: (vendor, product) along the line; ``left_alone``: why it was not asked.
     """
     rights = has_rights()
     try:
@@ -82,8 +82,7 @@ def _ethernet(interface: str) -> bool:
 
 
 def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = _FIRST_INDEX) -> int:
-    """Working counter of a broadcast read of the two type bytes; 0 without an answer in time. ``index`` excludes late
-    answers to earlier questions."""
+    """Number of devices that answer a broadcast in time; ``index`` excludes late answers to earlier ones."""
     with contextlib.suppress(OSError), _Line(interface, within_s, index) as line:
         return line.exchange(_BRD, 0, _TYPE, bytes(2))[0]
     return 0
@@ -119,7 +118,7 @@ class _Line:
         self._wire.close()
 
     def exchange(self, command: int, place: int, address: int, data: bytes) -> tuple[int, bytes]:
-        """Working counter and data of one frame; 0 without an answer in time."""
+        """Working counter and data of one frame; counter 0 without an answer in time."""
         self.index = (self.index + 1) % 256
         question = _FRAME.pack(0x1000 | 12 + len(data), command, self.index, place, address, len(data), 0) + data
         frame = b"\xff" * 6 + b"\x02\x44\x4c\x00\x00\x01" + struct.pack(">H", ETHERTYPE) + question + bytes(2)
@@ -133,7 +132,7 @@ class _Line:
         return 0, bytes(len(data))
 
     def eeprom(self, place: int, word: int) -> int:
-        """Two words of a device's EEPROM, 0 where unavailable. Owner and state are left unchanged."""
+        """Two words of a device's EEPROM, 0 where unavailable; its owner is restored."""
         back = -place & 0xFFFF
         owner, state = self._read(back, _EEPROM_OWNER, 1), self._read(back, _STATE, 1)
         if owner is None or state is None:

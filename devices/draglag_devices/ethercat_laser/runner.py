@@ -1,5 +1,4 @@
-"""One life of the bus: brought up, then cycles at 1 kHz until lost, reported on the wire; in its own process, as SOEM
-cannot be interrupted."""
+"""Runs the bus, in a process of its own, from set-up until it is lost."""
 
 from __future__ import annotations
 
@@ -28,12 +27,12 @@ _DELAYED_NS = 50_000_000
 
 
 class Restart(Exception):
-    """The epoch is over; the message says why."""
+    """The epoch is over, for the reason in the message."""
 
 
 def live(interface: str, channel: int, position: int, number: int, wire: Wire) -> None:
-    """Bring the bus up and run it until lost. Sends "up" meanwhile, ``Runner``'s messages, and finally "over" or
-    "failed". Raises ReaderGone."""
+    """Run the bus until lost: messages "up" during set-up, then ``Runner``'s, finally "over" or "failed". Raises
+    ReaderGone."""
     try:
         bus = Bus(interface, position, lambda: wire.send("up"))
     except Refusal as refusal:
@@ -49,11 +48,11 @@ def live(interface: str, channel: int, position: int, number: int, wire: Wire) -
 
 
 class Runner:
-    """The epoch of one bring-up.
+    """One epoch.
 
     Attributes:
-        dead_from: host time up to which all was well, ns, or None.
-        level: the channel's last known.
+        dead_from: host time up to which all edges are known, ns.
+        level: the channel's last.
     """
 
     def __init__(self, channel: int, number: int, wire: Wire) -> None:
@@ -107,7 +106,6 @@ class Runner:
             next_ns = _wait_for_cycle(next_ns + CYCLE_NS)
 
     def _send_found(self, found: Found, epoch: Epoch) -> None:
-        """Send a good cycle's results: unverified stretches, edges, lost edges."""
         if found.unverified_ns is not None:
             start, end = found.unverified_ns
             self.wire.send("gap", start=start, end=end, missed=0)
@@ -136,7 +134,6 @@ class Runner:
         return not trouble
 
     def _begin(self, bus: Bus, epoch: Epoch) -> None:
-        """The baseline: clock pairs, then first values of the latches. Raises Restart."""
         self._sound_ns = time.monotonic_ns()  # mapping and latch unit were read back just now
         good = 0
         for _ in range(_BASELINE_TRIES):
@@ -160,7 +157,7 @@ class Runner:
         self._report_clock(epoch)
 
     def _check_terminal_clock(self, bus: Bus, epoch: Epoch) -> None:
-        """Report once when terminal's clock (of stamps) and bus's (of comparisons) diverge."""
+        """Report, once, that the terminal's clock (of stamps) and the bus's (of comparisons) differ."""
         if self._divergence_reported:
             return
         try:
@@ -179,7 +176,6 @@ class Runner:
             )
 
     def _trouble(self, bus: Bus) -> str:
-        """Why devices are not in operation, else empty; costs one or two frames."""
         try:
             if not bus.in_operation():
                 return bus.state_trouble()
@@ -198,7 +194,6 @@ class Runner:
             self.wire.send("clock", epoch=epoch.number, dc=best.dc_ns, low=best.low_ns, high=best.high_ns)
 
     def _summarise(self, epoch: Epoch) -> None:
-        """Send last second's cycles, refusals by reason, and pauses."""
         pauses_ns, epoch.pauses_ns = epoch.pauses_ns, []
         counts, self._reported = epoch.counts - self._reported, Counter(epoch.counts)
         since, self._summed_ns = self._summed_ns, time.monotonic_ns()

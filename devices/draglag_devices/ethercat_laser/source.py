@@ -1,4 +1,4 @@
-"""The laser on an EtherCAT bus as a source, from the bus process's messages."""
+"""The laser on an EtherCAT bus as a source."""
 
 from __future__ import annotations
 
@@ -33,10 +33,9 @@ _NS = 1e-9
 
 
 def ethercat_source(address: Address, role: str) -> EthercatLaser:
-    """The source at ``ethercat:IFACE?channel=1|2&light=high|low&position=P``.
+    """The source at ``ethercat:IFACE?channel=1|2&light=high|low&position=P``. Raises DeviceError.
 
-    ``light=low``: the sensor's output is low in light. ``position``: the EL1252's on the line, coupler 1; needed where
-    there are several.
+    ``light``: the sensor's output in light. ``position``: the EL1252's on the line, coupler 1, where there are several.
     """
     address.only("channel", "light", "position")
     channel = int(address.choice("channel", ("1", "2"), "1"))
@@ -56,8 +55,10 @@ class _Gathered:
 
 
 class EthercatLaser:
-    """See ``draglag_devices.source.Source``; each bring-up is an epoch. Device stamps are seconds since
-    ``details["device_zero_ns"]`` (ns of the bus's clock since 2000-01-01), to keep nanoseconds."""
+    """A ``Source``; each set-up of the bus is an epoch.
+
+    Device stamps are seconds since ``details["device_zero_ns"]`` (ns since 2000-01-01), to keep nanoseconds.
+    """
 
     realtime = True
 
@@ -86,16 +87,16 @@ class EthercatLaser:
 
     @property
     def disturbed(self) -> dict[str, int]:
-        """Refused cycles since first opened, by reason."""
+        """Refused cycles since created, by reason."""
         return dict(self._disturbances.total)
 
     def final_notices(self) -> tuple[Notice, ...]:
-        """See ``draglag_devices.source.Concludes``: disturbed cycles not yet reported."""
+        """Disturbed cycles not yet reported (``Concludes``)."""
         rest = self._disturbances.rest(time.monotonic())
         return () if rest is None else (rest,)
 
     def synchronise(self) -> threading.Event:
-        """See ``draglag_devices.source.Synchronises``; the bus's next best pair, four a second, counts."""
+        """The event of the next clock pair, four a second (``Synchronises``)."""
         done = threading.Event()
         self._asked.append((time.monotonic(), done))
         return done
@@ -182,7 +183,7 @@ class EthercatLaser:
             ) from None
 
     def _messages(self, timeout_s: float) -> list[dict[str, Any]]:
-        """Whole lines that arrive within the time. Raises _Ended at the end of the pipe."""
+        """Messages that arrive within the time. Raises _Ended."""
         if self._process is None or self._process.stdout is None:
             raise _Ended
         pipe = self._process.stdout.fileno()
@@ -195,7 +196,6 @@ class EthercatLaser:
         return [json.loads(line, object_hook=unpacked) for line in lines]
 
     def _respawn(self, gathered: _Gathered) -> None:
-        """Start another process. Raises DeviceError when too many ended."""
         error = self._ended_error()
         self.close()
         if self._died_s is None:
@@ -223,7 +223,6 @@ class EthercatLaser:
     # --- messages ---------------------------------------------------------------------------------------------
 
     def _take(self, content: dict[str, Any], gathered: _Gathered) -> None:
-        """Process one message. Raises DeviceError on a refusal."""
         kind = content["m"]
         if kind == "tick":
             # The process knows nothing of the time before a respawn; what was reported stays reported.

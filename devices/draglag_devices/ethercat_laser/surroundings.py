@@ -19,8 +19,7 @@ _GLOBAL = 0
 
 
 def why_not_ask(interface: str, addresses: list[str]) -> str:
-    """Why an interface is not asked unless named; empty for a possible field bus. ``addresses``: IPv4 and global
-    IPv6."""
+    """Why an interface is asked only if named, else empty. ``addresses``: IPv4 and global IPv6."""
     folder = _NET / interface
     if addresses:
         return message("has the address {ip}", ip=addresses[0])
@@ -36,7 +35,7 @@ def why_not_ask(interface: str, addresses: list[str]) -> str:
 
 
 def used_addresses() -> dict[int, list[str]]:
-    """Index of an interface → its IPv4 and global IPv6 addresses. Raises OSError."""
+    """Interface's index → IPv4 and global IPv6 addresses. Raises OSError."""
     found: dict[int, list[str]] = {}
     with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, 0) as kernel:
         kernel.settimeout(1.0)

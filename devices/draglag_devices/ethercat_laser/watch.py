@@ -1,4 +1,4 @@
-"""One epoch of the bus: valid cycles, their edges, when to start over."""
+"""Validity of the bus's cycles in one epoch."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Found:
     Attributes:
         edges: (stamp ns, level) by time.
         missed: further edges known to be lost.
-        unverified_ns: host times from–to in which edges may be lost without a sign, or None.
+        unverified_ns: host times in which edges may be lost without a sign.
     """
 
     edges: list[tuple[int, int]]
@@ -43,14 +43,12 @@ class Found:
 
 @dataclass
 class Epoch:
-    """Supervision of the cycles since a bring-up.
+    """Supervision of the cycles since a set-up.
 
     Attributes:
-        number: counts bring-ups.
         bad: consecutive refused cycles; ``counts``: all by reason.
-        last: clocks of the last accepted cycle, or None.
-        pauses_ns: between accepted cycles by the bus's clock, above STALL_NS; the reader empties it.
-        cycles: of all kinds; the reader resets it.
+        last: clocks of the last accepted cycle.
+        pauses_ns: between accepted cycles, above STALL_NS; emptied by the reader, who also resets ``cycles``.
     """
 
     number: int
@@ -67,18 +65,18 @@ class Epoch:
 
     @property
     def why(self) -> str:
-        """Why cycles are refused now; "lost" comes last, as a busy computer loses some answers."""
+        """Why cycles are refused now; "lost" only without another reason, as a busy computer loses some answers."""
         others = Counter({reason: n for reason, n in self._lately.items() if reason != "lost"})
         return max(others or self._lately, key=self._lately.__getitem__, default="")
 
     @property
     def good_ns(self) -> int | None:
-        """Host time up to which all edges have been read, ns."""
+        """Host time up to which all edges have been read."""
         return None if self.last is None else self.last.low_ns
 
     @property
     def good_dc_ns(self) -> int:
-        """The bus's clock at the last accepted cycle, ns."""
+        """The bus's clock at the last accepted cycle."""
         return 0 if self.last is None else self.last.dc_ns
 
     def take(self, cycle: Cycle) -> Found | None:
@@ -107,13 +105,11 @@ class Epoch:
         return found
 
     def _unverified(self, last: Pair, now: Pair, edges: list[tuple[int, int]]) -> tuple[int, int] | None:
-        """The stretch between two cycles, by the bus's clock, in which edges may have been overwritten.
+        """Host times between two cycles in which edges may have been overwritten.
 
         A latch keeps the last edge of its direction. If at most one has a new stamp, that edge was the only one:
-        another would need one of the other direction between them. If both have, any number of pairs, which leave the
-        level unchanged, may be missing before the earlier stamp, none after it. Even if that stamp is soon after the
-        last cycle: of a rise, a fall and a rise, the skipped cycle would have shown that one is lost; a fall before the
-        next cycle hides it.
+        another would need one of the other direction between. If both have, any number of pairs, which leave the level
+        unchanged, may be missing before the earlier stamp, none after it.
         """
         start_ns = max(last.low_ns, self.clock.host_ns(last.dc_ns)[0])
         if now.dc_ns - last.dc_ns > UNWATCHED_NS:

@@ -1,5 +1,4 @@
-"""Messages of the bus process: JSON, one object a line, written without blocking; sentences keep template and
-arguments."""
+"""Messages of the bus process: JSON, one object a line, written without blocking."""
 
 from __future__ import annotations
 
@@ -14,11 +13,11 @@ _MOST_BYTES = 4 << 20
 
 
 class ReaderGone(Exception):
-    """The reader closed its end: time to stop."""
+    """The reader closed its end."""
 
 
 class Wire:
-    """Lines to ``out`` (made non-blocking), until the end of ``inlet``."""
+    """Lines to ``out``, which is made non-blocking, until the end of ``inlet``."""
 
     def __init__(self, inlet: int, out: int) -> None:
         self._inlet, self._out = inlet, out
@@ -35,7 +34,7 @@ class Wire:
         self.flush()
 
     def flush(self) -> None:
-        """Send what the pipe takes. Raises ReaderGone: closed, or not read for far too long."""
+        """Send what the pipe takes. Raises ReaderGone, also where 4 MiB wait."""
         try:
             while self._waiting:
                 del self._waiting[: os.write(self._out, self._waiting)]
@@ -46,7 +45,7 @@ class Wire:
             raise ReaderGone from None
 
     def drain(self) -> None:
-        """Send all that is queued, blocking. Raises ReaderGone."""
+        """Send all, blocking. Raises ReaderGone."""
         os.set_blocking(self._out, True)
         self.flush()
 
@@ -55,7 +54,7 @@ class Wire:
         self.wait(None, wait_s)
 
     def wait(self, source: int | None, wait_s: float) -> bool:
-        """Whether ``source`` is readable within the time. Raises ReaderGone as ``check``."""
+        """Whether ``source`` is readable in time. Raises ReaderGone."""
         sources = [self._inlet] if source is None else [self._inlet, source]
         ready, _, _ = select.select(sources, [], [], wait_s)
         if self._inlet in ready and not os.read(self._inlet, 4096):

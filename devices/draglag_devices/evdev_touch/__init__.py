@@ -1,4 +1,4 @@
-"""Touchscreens through the kernel's event interface."""
+"""Touchscreens through the kernel's event interface (evdev)."""
 
 from __future__ import annotations
 
@@ -16,15 +16,18 @@ OPTIONS = ("width_mm", "height_mm", "calibration", "exclusive")
 
 
 def open_source(address: Address | str, role: str = "touch") -> EvdevTouch:
-    """The touchscreen at ``evdev:PATH``, not yet open. Options: ``width_mm``, ``height_mm`` (of the panel; default: by
-    its resolution), ``calibration=FILE``, ``exclusive=1`` (no other program gets its events). Raises DeviceError."""
+    """The touchscreen at ``evdev:PATH``, not yet open. Raises DeviceError.
+
+    Options: ``width_mm``, ``height_mm`` of the panel (default: by its resolution), ``calibration=FILE``,
+    ``exclusive=1`` (no other program gets its events).
+    """
     parsed = parse_address(address) if isinstance(address, str) else address
     parsed.only(*OPTIONS)
     return EvdevTouch(parsed)
 
 
 def discover() -> list[Found]:
-    """Touchscreens, usable or not, even without the library that reads them."""
+    """Touchscreens, also without the library that reads them."""
     found = []
     for seen in event_devices():
         if seen.touchscreen:

@@ -1,4 +1,4 @@
-"""Beginnings and ends of contacts, frame by frame."""
+"""Beginnings and ends of contacts."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from draglag_devices.source import ContactChanges
 
 
 class ContactLog:
-    """Tracks contacts; ``down``: those present before the first frame."""
+    """Tracks contacts; ``down``: tracking ids present before the first frame."""
 
     def __init__(self, down: Iterable[int] = ()) -> None:
         self._down = set(down)
 
     def take(self, frames: Sequence[Frame], id_offset: int = 0) -> ContactChanges | None:
-        """Beginnings and ends, or None. ``id_offset`` is added to the kernel's tracking ids."""
+        """Changes in these frames. ``id_offset`` is added to tracking ids."""
         rows: list[tuple[float, int, int]] = []
         for frame in frames:
             for contact in frame.lifted:

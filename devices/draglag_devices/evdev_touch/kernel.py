@@ -60,12 +60,12 @@ class Description:
 
 
 class TouchDevice(Protocol):
-    """An open device, as the driver needs it."""
+    """An open event device."""
 
     description: Description
 
     def use_monotonic(self) -> None:
-        """Have events stamped on CLOCK_MONOTONIC. Raises OSError."""
+        """Stamp events on CLOCK_MONOTONIC. Raises OSError."""
         ...
 
     def slots(self) -> tuple[dict[int, tuple[int, int, int]], int]:
@@ -76,7 +76,7 @@ class TouchDevice(Protocol):
         ...
 
     def events(self, timeout_s: float) -> list[InputEvent]:
-        """Events available after waiting at most ``timeout_s``. Raises Gone."""
+        """Events, after waiting at most ``timeout_s``. Raises Gone."""
         ...
 
     def grab(self, exclusively: bool) -> None:

@@ -1,4 +1,4 @@
-"""A touchscreen as a source: frames mapped to mm, losses counted and marked."""
+"""A touchscreen as a source."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _UNGRAB_TIMEOUT_S = 1.0
 
 
 class EvdevTouch:
-    """Reads one touchscreen; a lost one is reported and searched for by name and port."""
+    """Reads a touchscreen; a lost one is reported and searched for by name and port."""
 
     realtime = True
     role = "touch"
@@ -84,12 +84,12 @@ class EvdevTouch:
         self._returns = 0
 
     def use_panel(self, width_mm: float, height_mm: float) -> None:
-        """Take the panel's size, unless the address gives one; before ``open``."""
+        """Take the size unless the address gives one; before ``open``."""
         given = self._panel_mm
         self._panel_mm = (given[0] or width_mm, given[1] or height_mm)
 
     def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
-        """Map by this calibration, unless the address gives one; before ``open``."""
+        """Map by this unless the address gives a calibration; before ``open``."""
         self._fitted = (mapping, device, rms_mm)
 
     def open(self) -> SourceInfo:

@@ -1,1 +1,1 @@
-"""The simulated rig: hand, stylus, digitiser, beam, sensor, clocks; and its sources."""
+"""The simulated rig and its sources."""

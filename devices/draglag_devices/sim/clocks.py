@@ -1,4 +1,4 @@
-"""Clocks of simulated devices, and comparisons with the host's."""
+"""Clocks of simulated devices."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ROUND_TRIP_S = (1e-4, 4e-4)
 
 @dataclass(frozen=True)
 class DeviceClock:
-    """device = offset + (1 + drift) · host; ``resolution_s`` 0 leaves stamps unrounded."""
+    """device = offset + (1 + drift) · host; ``resolution_s`` 0: unrounded."""
 
     offset_s: float
     drift: float
@@ -28,7 +28,7 @@ class DeviceClock:
         return device
 
     def bounds(self, stream: str, host_s: FloatArray, rng: np.random.Generator) -> ClockBounds:
-        """One exchange at each host time, the device's stamp within the round trip."""
+        """One comparison at each host time."""
         trip = rng.uniform(*_ROUND_TRIP_S, host_s.shape)
         before = host_s - trip * rng.uniform(0.2, 0.8, host_s.shape)
         epoch = np.zeros(len(host_s), np.int64)
@@ -38,5 +38,5 @@ class DeviceClock:
 
 
 def random_clock(rng: np.random.Generator, resolution_s: float = 0.0) -> DeviceClock:
-    """A clock up to some hours after power-on, quartz within ±15 ppm (0.9 ms in 60 s)."""
+    """A clock up to some hours after power-on, drift within ±15 ppm."""
     return DeviceClock(float(rng.uniform(10, 1e4)), float(rng.uniform(-15e-6, 15e-6)), resolution_s)

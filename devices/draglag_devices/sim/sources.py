@@ -1,4 +1,4 @@
-"""Simulated touch, laser and WALT of one shared world."""
+"""Simulated touch, laser and WALT of one world."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ OPTIONS = ("speed", "screen", "seed")
 
 
 class SimulatedTouch(TimelineSource):
-    """The simulated digitiser; a calibration is its world's."""
+    """The simulated digitiser."""
 
     def __init__(self, address: str, stage: Stage, world: World, describe: Callable[[], SourceInfo]) -> None:
         super().__init__(address, "touch", stage.time_base, world.timelines["touch"], describe)
         self._world = world
 
     def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
-        """See ``AcceptsCalibration``; the only touchscreen's name is not compared."""
+        """Use it in the simulated world; the only touchscreen's name is not compared."""
         self._world.use_calibration(mapping)
 
 
 def shared_world(stage: Stage) -> World:
-    """The only simulated world of a session."""
+    """The session's only simulated world."""
     return cast(
         World,
         stage.player("sim", lambda: World(stage.screen_name, stage.seed, stage.time_base.now())),
@@ -37,7 +37,7 @@ def shared_world(stage: Stage) -> World:
 
 
 def simulated_source(stage: Stage, role: str, address: Address) -> TimelineSource:
-    """A source of that role in the session's world. Raises DeviceError on unknown options."""
+    """A source in the session's world. Raises DeviceError."""
     address.only(*OPTIONS)
     world = shared_world(stage)
     clock = world.clocks[role]

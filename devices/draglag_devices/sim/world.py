@@ -1,4 +1,4 @@
-"""The simulated rig: hand, panel, laser and WALT, computed ahead run by run."""
+"""The simulated rig: hand, panel, laser and WALT."""
 
 from __future__ import annotations
 
@@ -31,16 +31,15 @@ _SYNC_EVERY_S = 1.0
 
 
 class World:
-    """Hand, stylus, digitiser, beam, sensor and WALT; each device's clock has an offset and drift. Thread-safe.
+    """Computes each run ahead, onto the sources' timelines. Thread-safe.
 
-    ``begin_run`` computes a run with the seeded generator and puts samples on the sources' timelines. Seed and order of
-    calls determine hand and instruments, whenever runs begin.
+    Seed and order of calls determine hand and instruments, whenever runs begin.
 
     Attributes:
         rig: screen, stylus, beam, law.
         timelines: "touch", "laser", "walt".
-        truth: the runs as computed, exact host times, in order.
-        true_taps: taps as they happened, exact host times.
+        truth: the runs in exact host times.
+        true_taps: taps in exact host times.
     """
 
     def __init__(
@@ -75,7 +74,7 @@ class World:
         self._sync(np.asarray(start_s + 1e-3 * np.arange(1, 6), np.float64))
 
     def begin_run(self, planned: PlannedRun, start_s: float, run_id: str) -> None:
-        """The hand follows the target from ``start_s`` (host clock) on."""
+        """The hand follows the target from the host time ``start_s`` on."""
         with self._lock:
             motion = follow(planned.target, self._human, self._rng)
             run = simulate_run(
@@ -101,11 +100,11 @@ class World:
             self.timelines["laser"].add(laser=laser)
 
     def use_calibration(self, mapping: Mapping2D) -> None:
-        """Map positions from the digitiser's units by this from now on."""
+        """Map positions from the digitiser's units from now on."""
         self._calibration = mapping
 
     def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
-        """The hand touches that place accurately and lifts again."""
+        """The hand touches that place for 0.4 s, within about 0.2 mm."""
         with self._lock:
             t_s = np.arange(start_s, start_s + _HOLD_S, self._scan_s)
             x, y = (
@@ -117,7 +116,7 @@ class World:
             self.timelines["touch"].add(touch=touch, contacts=contact_changes(touch, self._scan_s))
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
-        """The WALT pen taps ``tap.count`` times from ``start_s`` on, with the rig's latencies."""
+        """The WALT pen taps ``tap.count`` times, with the rig's latencies."""
         with self._lock:
             taps = simulate_taps(
                 self.rig,
@@ -172,7 +171,6 @@ class World:
         return touch
 
     def _numbered(self, touch: TouchTrace) -> TouchTrace:
-        """With tracking ids that count on from run to run."""
         n = len(touch.t_s)
         ids = touch.contact_id if len(touch.contact_id) == n else np.zeros(n, np.int64)
         if n == 0:

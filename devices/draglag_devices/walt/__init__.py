@@ -1,4 +1,4 @@
-"""The WALT latency timer on a USB serial port: taps, its laser, and its sensors."""
+"""The WALT latency timer on a USB serial port."""
 
 from __future__ import annotations
 
@@ -18,8 +18,7 @@ ROLES = ("walt", "laser")
 
 
 def open_source(address: Address | str, role: str) -> WaltSource:
-    """The WALT at ``serial:PORT[?role=laser|walt][&firmware=any]``, not yet open. Raises DeviceError: unknown option,
-    or another role."""
+    """The WALT at ``serial:PORT[?role=laser|walt][&firmware=any]``, not yet open. Raises DeviceError."""
     parsed = parse_address(address) if isinstance(address, str) else address
     parsed.only("role", "firmware")
     wanted = parsed.choice("role", ROLES, role)

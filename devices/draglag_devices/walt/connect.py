@@ -1,4 +1,4 @@
-"""Check that a known WALT answers, and set it to a known state."""
+"""Greets a WALT."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ _ATTEMPTS = 3
 
 
 def greet(link: Link, address: str, any_firmware: bool = False) -> str:
-    """The firmware's version, with autosending off and triggers reset. Raises DeviceError: nothing or something else
-    answers, or not version 6."""
+    """The firmware's version, with autosending off and triggers reset. Raises DeviceError, also unless version 6."""
     version = _version(link, address)
     if version != KNOWN_VERSION and not any_firmware:
         raise DeviceError(
@@ -44,7 +43,6 @@ def greet(link: Link, address: str, any_firmware: bool = False) -> str:
 
 
 def _acknowledged(link: Link, command: str) -> None:
-    """Send a command that may be repeated. Raises NoAnswer, PortGone."""
     for attempt in range(_ATTEMPTS):
         try:
             link.acknowledged(command)

@@ -1,4 +1,4 @@
-"""Edges from the WALT's laser lines, losses counted and marked."""
+"""Edges from the WALT's laser lines."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from draglag_devices.walt.protocol import LASER_LAST
 class EdgeCounter:
     """The edges of one connection.
 
-    A line with ``count`` n stands for n edges, the last one stamped. Two lines of one value mean a lost line between:
-    both are counted, and the time is marked.
+    A line with ``count`` n stands for n edges, the last one stamped. Two lines of one value mean a lost line between.
 
     Attributes:
-        before: unreported edges counted before the first line could come; that line includes them, none is lost.
+        before: edges counted before the first line could come; that line includes them, none is lost.
     """
 
     last_value: int | None = None
@@ -34,11 +33,9 @@ class EdgeCounter:
         plausible_s: tuple[float, float],
         epoch: int,
     ) -> LaserTrace:
-        """Edges of lines (device seconds, value, count).
+        """Edges of lines (device seconds, value, count), with the lost ones counted and their time marked.
 
-        Args:
-            host_s: device seconds → host seconds.
-            plausible_s: host times an edge can have; other lines were damaged on the wire.
+        ``plausible_s``: host times an edge can have; other lines were damaged on the wire.
         """
         edges: list[tuple[float, int, float]] = []
         gaps: list[tuple[float, float]] = []
@@ -70,7 +67,7 @@ class EdgeCounter:
 
 
 def counted_so_far(link: Link) -> EdgeCounter:
-    """A counter of edges since the reset, which the first line after autosending began includes."""
+    """A counter with the edges since the reset."""
     link.send(LASER_LAST)
     link.settle()
     lines = [trigger for trigger in link.take_triggers() if trigger.tag == "L"]

@@ -1,4 +1,4 @@
-"""Communication with a WALT: commands out, lines in, stamped on the host's clock."""
+"""Commands to a WALT, and its lines with host times."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class NoAnswer(Exception):
 
 @dataclass(frozen=True)
 class Answer(Generic[_T]):
-    """An answer, with host times just before the question left and just after it came, s."""
+    """An answer, with host times just before the question and just after the answer."""
 
     value: _T
     sent_s: float
@@ -33,10 +33,7 @@ class Answer(Generic[_T]):
 
 
 class Link:
-    """One conversation. Trigger lines may come at any time and wait for ``take_triggers``.
-
-    ``unread`` counts lines not understood (noise on the wire); ``now`` and ``pause`` are the clock.
-    """
+    """One conversation; trigger lines may come at any time. ``unread`` counts lines not understood."""
 
     def __init__(
         self, port: Port, now: Callable[[], float] = time.monotonic, pause: Callable[[float], None] = time.sleep
@@ -58,10 +55,10 @@ class Link:
     def ask(
         self, command: str, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S, late: bool = False
     ) -> Answer[_T]:
-        """The line that ``accept`` takes, after sending a command. Raises PortGone, NoAnswer.
+        """The line that ``accept`` takes, after a command. Raises PortGone, NoAnswer.
 
-        A missing answer resynchronises the conversation, so that a late one does not answer the next question. ``late``
-        accepts one that comes meanwhile: the device sends it only once.
+        After NoAnswer a late line does not answer the next question. ``late`` accepts one that comes before a ping's
+        answer.
         """
         sent_s = self.send(command)
         try:
@@ -74,12 +71,12 @@ class Link:
         return Answer(value, sent_s, arrived_s)
 
     def acknowledged(self, command: str, timeout_s: float = ANSWER_S) -> Answer[str]:
-        """The answer to a command acknowledged by its letter in the other case, even late."""
+        """The acknowledgement of a command, even late. Raises as ``ask``."""
         wanted = acknowledgement(command)
         return self.ask(command, lambda text: text if text == wanted else None, timeout_s, late=True)
 
     def expect(self, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S) -> tuple[_T, float]:
-        """The next line that ``accept`` takes, and when it came; others count as unread. Raises NoAnswer."""
+        """The next line that ``accept`` takes, and its host time; others count as unread. Raises NoAnswer."""
         deadline_s = self.now() + timeout_s
         while True:
             while self._lines:
@@ -94,8 +91,10 @@ class Link:
             self._receive(left_s)
 
     def settle(self, accept: Callable[[str], _T | None] = lambda text: None) -> tuple[_T, float] | None:
-        """The first answer that ``accept`` takes before a ping's, and when it came. The device answers in order:
-        earlier questions are answered then. Raises NoAnswer."""
+        """The first line that ``accept`` takes before a ping's answer, and its host time. Raises NoAnswer.
+
+        The device answers in order: earlier questions are answered then.
+        """
         wanted = acknowledgement(PING)
         self.send(PING)
         found: tuple[_T, float] | None = None
@@ -110,13 +109,13 @@ class Link:
                 found = value, arrived_s
 
     def listen(self, timeout_s: float) -> None:
-        """Wait at most ``timeout_s`` for unasked lines."""
+        """Wait for unasked lines."""
         self._receive(timeout_s)
         self.unread += len(self._lines)
         self._lines.clear()
 
     def take_triggers(self) -> list[Trigger]:
-        """Trigger lines since the last call, in order."""
+        """Trigger lines since the last call."""
         taken, self._triggers = self._triggers, []
         return taken
 

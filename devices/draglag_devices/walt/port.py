@@ -1,4 +1,4 @@
-"""A serial port: plain reasons when it cannot be opened, reads without blocking."""
+"""A serial port, read without blocking."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _WRITE_TIMEOUT_S = 1.0
 
 
 class PortGone(Exception):
-    """The port has disappeared (unplugged)."""
+    """The port has disappeared."""
 
 
 class Port(Protocol):
@@ -31,7 +31,7 @@ class Port(Protocol):
     def write(self, data: bytes) -> None: ...
 
     def read(self, timeout_s: float) -> bytes:
-        """Bytes received, or b"" after ``timeout_s``. Raises PortGone."""
+        """Bytes, or b"" after ``timeout_s``. Raises PortGone."""
         ...
 
     def close(self) -> None: ...
@@ -41,7 +41,7 @@ class SerialPort:
     """A tty, locked exclusively."""
 
     def __init__(self, path: str) -> None:
-        """Open ``path``. Raises DeviceError: no such port, no rights, busy, or not a serial port."""
+        """Raises DeviceError."""
         address = f"serial:{path}"
         if not os.path.exists(path):
             raise DeviceError(address, "there is no such port", _other_ports(path))
@@ -86,7 +86,7 @@ class SerialPort:
 
 
 def usb_identity(path: str) -> tuple[int, int, str] | None:
-    """Vendor, product and serial number of the device behind a port; None if unknown."""
+    """Vendor, product and serial number of the device behind a port."""
     for port in list_ports.comports():
         if port.device == os.path.realpath(path) and port.vid is not None and port.serial_number:
             return port.vid, port.pid, port.serial_number

@@ -1,4 +1,4 @@
-"""The WALT's protocol (firmware 6; source: the fact sheet, protocol table). Pure functions."""
+"""The WALT's lines (firmware 6; source: the fact sheet, protocol table)."""
 
 from __future__ import annotations
 
@@ -41,30 +41,30 @@ def acknowledgement(command: str) -> str:
 
 
 def parse_trigger(text: str) -> Trigger | None:
-    """``G <tag> <us> <val> <count>``, or None."""
+    """``G <tag> <us> <val> <count>``"""
     words = _TRIGGER.fullmatch(text)
     return Trigger(words[1], int(words[2]), int(words[3]), int(words[4])) if words else None
 
 
 def parse_time(text: str) -> int | None:
-    """``t <us>``, or None."""
+    """``t <us>``"""
     words = _TIME.fullmatch(text)
     return int(words[1]) if words else None
 
 
 def parse_sync(text: str) -> tuple[int, int] | None:
-    """``<n>:<us>`` of a digit's readout, n = 10 for no more; else None."""
+    """``<n>:<us>`` of a digit's readout, n = 10 for no more."""
     words = _SYNC.fullmatch(text)
     return (int(words[1]), int(words[2])) if words else None
 
 
 def parse_shock(text: str) -> int | None:
-    """Microseconds of the last shock, 0 = none; None for other text."""
+    """Microseconds of the last shock, 0 = none."""
     return int(text) if _SHOCK.fullmatch(text) else None
 
 
 def parse_version(text: str) -> str | None:
-    """``v <version>``, or None."""
+    """``v <version>``"""
     words = _VERSION.fullmatch(text)
     return words[1] if words else None
 
@@ -72,7 +72,7 @@ def parse_version(text: str) -> str | None:
 class Unwrapped:
     """The signed 32-bit microsecond count, unwrapped: each stamp is the nearest to the latest.
 
-    Valid if stamps come at least every 35 minutes; a slightly older stamp is no wrap.
+    Valid if stamps come at least every 35 minutes.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""A WALT as a source: shocks of taps, or edges of its laser."""
+"""A WALT as a source."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ GAP_EVERY_S = 1.0
 
 
 class WaltSource:
-    """Role "walt": shocks, polled; role "laser": edges of the WALT's own laser, sent by it.
+    """Role "walt": shocks, polled; role "laser": edges of the WALT's own laser.
 
-    An unplugged or hanging WALT is reported and searched for; on return its clock begins a new epoch.
+    A lost WALT is reported and searched for; on return its clock begins a new epoch.
     """
 
     realtime = True
@@ -78,7 +78,7 @@ class WaltSource:
         self._compared: list[threading.Event] = []
 
     def synchronise(self) -> threading.Event:
-        """See ``draglag_devices.source.Synchronises``; about 0.15 s of the next read."""
+        """As ``Synchronises``; takes about 0.15 s of the next read."""
         done = threading.Event()
         self._asked.append(done)
         return done
@@ -133,7 +133,7 @@ class WaltSource:
 
     @property
     def link(self) -> Link:
-        """The open conversation, for curves and levels during setup. Raises DeviceError."""
+        """The open conversation, for set-up. Raises DeviceError."""
         if self._device is None:
             raise DeviceError(self.address, "the WALT is not connected", "plug it in")
         return self._device.link
@@ -240,7 +240,7 @@ class WaltSource:
             device.learn(compare(device.link, device.unwrapped, bound, between=lambda: self._collect_shocks(device)))
 
     def _time(self, device: Connection) -> Bound | None:
-        """A comparison consistent with the known clock; None where the answer was damaged."""
+        """A comparison consistent with earlier ones; None where the answer was damaged."""
         try:
             bound = request_time(device.link, device.unwrapped)
         except NoAnswer:
@@ -314,7 +314,7 @@ class WaltSource:
         return concatenate(felt) if felt else None
 
     def _ask_shock(self, device: Connection) -> tuple[Taps | None, float]:
-        """The shock since the last question, if any, and the host time up to which all shocks are known."""
+        """The shock since the last question, and the host time up to which all shocks are known."""
         asked_s = self._now()
         self._next_poll_s = asked_s + POLL_EVERY_S
         try:

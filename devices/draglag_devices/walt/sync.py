@@ -1,4 +1,4 @@
-"""Comparing the WALT's clock with the host's: bounds, never estimates (fact sheet, steps 1 to 3).
+"""Comparisons of the WALT's clock with the host's, as bounds (fact sheet, steps 1 to 3).
 
 E = host − device. What the host sent before the device's stamp bounds E from below, what it received after from above:
 delays of the operating system widen the bounds and cannot bias them.
@@ -34,7 +34,7 @@ _TOLERANCE_S = 1e-3
 
 @dataclass(frozen=True)
 class Bound:
-    """The device time happened between two host times, s."""
+    """The device time happened between two host times."""
 
     device_s: float
     host_min_s: float
@@ -58,7 +58,7 @@ def zero(link: Link) -> Bound:
 
 
 def request_time(link: Link, unwrapped: Unwrapped) -> Bound:
-    """One quick comparison by the device's time. Raises PortGone, NoAnswer."""
+    """One quick comparison. Raises PortGone, NoAnswer."""
     answer = link.ask(TIME, parse_time)
     device_s = unwrapped(answer.value)
     return Bound(device_s, answer.sent_s - _TICK_S, answer.arrived_s)
@@ -71,13 +71,11 @@ def compare(
     repeats: int = REPEATS,
     between: Callable[[], None] = lambda: None,
 ) -> list[Bound]:
-    """One bound per repeat, without damaged ones; digits to the device and back, about 0.15 s.
+    """One bound per repeat, without damaged ones; takes about 0.15 s. Raises PortGone, and what ``between`` does.
 
     Args:
-        known: a present bound (from ``zero`` or ``request_time``) that others must not contradict.
+        known: a present bound that others must not contradict.
         between: called before each half of a repeat, for what cannot wait.
-
-    Raises PortGone, and what ``between`` does.
     """
     low, high = known.host_min_s - known.device_s, known.host_max_s - known.device_s
     rows: list[Bound] = []
@@ -128,7 +126,6 @@ def _digits_in(link: Link, unwrapped: Unwrapped) -> list[tuple[float, float]]:
 
 
 def _readout(link: Link, unwrapped: Unwrapped) -> dict[int, float]:
-    """The nine stored times by digit, without damaged lines."""
     stored: dict[int, float] = {}
     for _ in DIGITS:
         try:
