@@ -1,1 +1,1 @@
-"""Acquisition session, command line and windows."""
+"""Acquisition, command line and windows."""

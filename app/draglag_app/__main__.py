@@ -1,4 +1,4 @@
-"""``python -m draglag_app``: the command line, where no script is on the path."""
+"""``python -m draglag_app``: the command line."""
 
 from draglag_app.cli.main import main
 

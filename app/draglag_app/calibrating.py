@@ -1,4 +1,4 @@
-"""Touches on calibration targets, from a touch source."""
+"""Calibration of a touchscreen from touches on targets."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOO_SHORT, SLID, SAME_PLACE, NO_UNITS = "too short", "slid", "same place", "no u
 
 @dataclass
 class Touches:
-    """One touch per target, in their order; ``device`` and ``axes`` as the source reports them."""
+    """One raw touch per target, in their order."""
 
     device: str = ""
     axes: tuple[AxisInfo, ...] = ()
@@ -49,7 +49,7 @@ class Touches:
         return answers
 
     def back(self) -> None:
-        """Forget the last touch: its target is shown again."""
+        """Forget the last touch."""
         if self.found:
             self.found.pop()
 
@@ -76,20 +76,20 @@ def _only(touch: TouchTrace, contact: int) -> TouchTrace:
 
 
 def fit_touches(x_raw: FloatArray, y_raw: FloatArray, screen: Screen) -> AffineFit:
-    """The affine through one touch per target, (9,) each. Raises DataError, EstimateError with the remedy."""
+    """The affine map through touches, (9,) each. Raises DataError, EstimateError."""
     return fit_affine(x_raw, y_raw, *target_places(screen.width_mm, screen.height_mm, TARGETS))
 
 
 def as_recorded(
     fit: AffineFit, x_raw: FloatArray, y_raw: FloatArray, screen: Screen, device: str, made_utc: str
 ) -> TouchCalibration:
-    """The calibration as in a session file."""
+    """The calibration as a session file keeps it."""
     places = target_places(screen.width_mm, screen.height_mm, TARGETS)
     return TouchCalibration(x_raw, y_raw, *places, fit.matrix, device, made_utc)
 
 
 def size_mismatch(fit: AffineFit, resolution: tuple[int, ...]) -> float | None:
-    """Relative difference of the panel's stated size and the touchscreen's resolution, if above 2 %.
+    """Relative difference of the panel's size and the touchscreen's resolution, if above 2 %.
 
     ``resolution``: units per mm of the axes, 0 where unknown.
     """

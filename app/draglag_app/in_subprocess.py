@@ -1,4 +1,4 @@
-"""Long computations in a process of their own: they neither delay a recording nor outlive a cancel."""
+"""Long computations in a process of their own: they do not delay a recording and can be cancelled."""
 
 from __future__ import annotations
 
@@ -15,12 +15,9 @@ _POLL_S = 0.1
 
 
 def run_in_subprocess(function: Callable[..., Any], arguments: tuple[Any, ...], progress: Progress) -> Any:
-    """The result of ``function(*arguments, progress)`` in a new process; all picklable.
+    """The result of ``function(*arguments, progress)`` in a new process; all picklable. Raises DraglagError.
 
-    ``progress`` is called several times a second with the latest report; what it raises ends the process and is raised
-    here.
-
-    Raises the function's DraglagError, and DataError when the process ends without a result.
+    ``progress`` is called several times a second; what it raises ends the process and is raised here.
     """
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
@@ -75,14 +72,13 @@ def close_gap_of(
     """The JSON of a session's gap report, and what a page shows with it.
 
     Args:
-        without: effects that may not be named. added: effects to add by hand, in order.
-        kept: a report (``report`` of an earlier result) to continue, with some of ``added`` in it, or None.
-        path: the session's file, for the model's provenance, or None.
+        without: effects that may not be named.
+        added: effects to add by hand, in order.
+        kept: an earlier result's ``report`` to continue, or None.
+        path: the session's file, or None.
         include: runs to use although they went wrong.
 
-    Further keys: ``provisional`` (an unnamed term that would close the rest, or None), ``overlay``
-    (``overlay_numbers``, or None and ``overlay_why``), ``model`` (the extended model's JSON or None), ``report`` (to
-    continue).
+    Further keys: ``provisional``, ``overlay`` (None with ``overlay_why``), ``model``, ``report``.
     """
     import hashlib
     from datetime import UTC, datetime
@@ -132,7 +128,7 @@ def _provisional(report: Any) -> dict[str, object] | None:
 
 
 def write_gap_of(session: Any, report: Any, path: Any, progress: Progress) -> None:
-    """Write the page with figures of a gap report. Raises DataError."""
+    """Write a gap report's page. Raises DataError."""
     from draglag.report.gap import write_gap_report
 
     write_gap_report(session, report, path, progress, None)

@@ -1,4 +1,4 @@
-"""At each start, leftovers of killed commands are removed."""
+"""Removal of what killed commands left."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _UNFINISHED, _BUILDING = ".partial", ".tmp"
 
 
 def sweep_for(arguments: Sequence[str]) -> list[Path]:
-    """Files removed from the present folder and those of a command's arguments.
+    """Files removed from the present folder and those of the arguments.
 
-    Leftovers of recordings stay if the command is about an unfinished one.
+    Leftovers of recordings stay if an argument is an unfinished one.
     """
     names = [os.path.abspath(text.rpartition("=")[2]) for text in arguments if "\0" not in text]
     try:
@@ -29,7 +29,6 @@ def sweep_for(arguments: Sequence[str]) -> list[Path]:
 
 
 def _has_leftovers(folder: str) -> bool:
-    """By names only: to look inside costs the import of HDF5."""
     try:
         names = set(os.listdir(folder))
     except OSError:

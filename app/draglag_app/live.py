@@ -1,4 +1,4 @@
-"""Live plots of a run, from digests of samples."""
+"""Numbers for live plots of a run."""
 
 from __future__ import annotations
 
@@ -20,10 +20,7 @@ _SPACING_S = 0.01
 
 @dataclass
 class LiveRun:
-    """One run as it arrives; times count from ``start_s``, when the target began to move.
-
-    Attributes (n touch events, m edges): t_s, x_mm, y_mm (n,); edge_s, light (m,); speed_t_s, speed_mm_s (k,).
-    """
+    """One run as it arrives; times count from ``start_s``, when the target began to move."""
 
     run_id: str
     planned: PlannedRun | None
@@ -51,7 +48,7 @@ class LiveRun:
         return _joined(self.touch)
 
     def edges_on_screen(self) -> FloatArray:
-        """(m, 3) x mm, y mm of the touch at each edge, not shifted by the latency; 1 where the light came back."""
+        """(m, 3) x mm, y mm of the touch at each edge, without latency; 1 where the light came back."""
         trace, edges = self.trace(), _joined(self.edges)
         if len(trace) < 2 or not len(edges):
             return np.empty((0, 3))
@@ -59,7 +56,7 @@ class LiveRun:
         return np.column_stack([x_mm, y_mm, edges[:, 1]])
 
     def speeds(self) -> FloatArray:
-        """(k, 2) time s, speed mm/s so far; computes only what is new."""
+        """(k, 2) time s, speed mm/s so far."""
         trace, known = self.trace(), _joined(self.speed)
         from_s = known[-1, 0] if len(known) else -np.inf
         fresh = trace[trace[:, 0] > from_s - 4 * _HALF_S]

@@ -1,7 +1,6 @@
-"""Recording also as streams of the Lab Streaming Layer (extra ``lsl``).
+"""Streams of the Lab Streaming Layer (extra ``lsl``).
 
-Stamps are the host's monotonic clock, as in the file: liblsl's own on Linux, so a LabRecorder here needs no correction.
-A failing stream costs a warning, never the recording.
+Stamps are the host's monotonic clock, liblsl's own on Linux. A failing stream costs a warning, never the recording.
 """
 
 from __future__ import annotations
@@ -32,12 +31,10 @@ class _Outlets:
 
 
 def lsl_listener(source: str, then: events.Listener) -> events.Listener:
-    """A listener that feeds three streams, and hands every event on to ``then``.
+    """A listener that feeds three streams and hands every event on to ``then``. Raises DraglagError without pylsl.
 
     Streams: "draglag touch" (x_mm, y_mm, contact_id), "draglag laser" (light), "draglag markers" ("begin run-01
-    circle", "end run-01 complete"). ``source``: identifies them to receivers after a restart.
-
-    Raises DraglagError where pylsl or its library is missing.
+    circle", "end run-01 complete"). ``source`` identifies them after a restart.
     """
     pylsl = _library()
     outlets = _Outlets(

@@ -1,4 +1,4 @@
-"""One piece of work for many items, on local cores or a Dask cluster, through joblib."""
+"""Work on many items, on local cores or a Dask cluster, through joblib."""
 
 from __future__ import annotations
 
@@ -31,17 +31,13 @@ def spread(
     scheduler: str | None = None,
     modules: Sequence[Path] = (),
 ) -> Iterator[tuple[int, Result]]:
-    """Place and result of every item, in order of completion.
-
-    Each worker uses one thread, as matrices are small. Ctrl+C ends the workers.
+    """Place and result of every item, in order of completion. Raises Unavailable, DraglagError.
 
     Args:
-        work: a function that workers can import; an exception ends all work.
+        work: importable by workers; an exception ends all work.
         jobs: processes; None for one per core, 1 for this process alone.
         scheduler: address of a Dask scheduler to use instead.
-        modules: files to upload to the cluster, in addition to the installed draglag.
-
-    Raises Unavailable where no scheduler answers or it has no workers, DraglagError without Dask.
+        modules: files to upload to the cluster.
     """
     if scheduler is not None:
         return _on_cluster(work, items, scheduler, modules)
@@ -66,7 +62,6 @@ def _on_cores(work: Callable[[Item], Result], items: Sequence[Item], jobs: int) 
 
 @contextmanager
 def _scratch() -> Iterator[None]:
-    """A folder for the workers' temporary files, deleted at the end: a killed worker cannot clean up."""
     before = os.environ.get("TMPDIR")
     with tempfile.TemporaryDirectory(prefix="draglag-work-", ignore_cleanup_errors=True) as folder:
         os.environ["TMPDIR"] = folder

@@ -1,4 +1,4 @@
-"""Pre-flight: is the rig ready? One row per check, with measured value and limit."""
+"""Checks whether the rig is ready."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _STEP_S = 0.25
 
 @dataclass(frozen=True)
 class Check:
-    """One row; ``limit`` and ``remedy`` may be empty."""
+    """One check with measured value and limit."""
 
     name: str
     state: State
@@ -77,11 +77,10 @@ def preflight(
     folder: Path | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Iterator[Check]:
-    """Checks from opening all sources and watching them together; faults are rows, never exceptions.
+    """Checks while all sources are open; faults are rows, never exceptions.
 
     Args:
-        addresses: role → address.
-        screen: the panel, to compare the touchscreen's size with; None omits that.
+        screen: the panel, to compare the touchscreen's size with.
         screen_name: of the simulated world.
         watch_s: a longer time bounds the drift of clocks more closely.
         folder: where sessions will be saved.

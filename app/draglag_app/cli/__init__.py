@@ -1,4 +1,4 @@
-"""The command line. Commands are imported on use, so that `draglag --help` is fast."""
+"""The command line. Commands are imported on use: `draglag --help` is fast."""
 
 from draglag_app.cli.main import cli, main
 

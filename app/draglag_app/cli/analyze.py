@@ -53,7 +53,6 @@ if TYPE_CHECKING:
 
 
 def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> str:
-    """Other packages are asked only for names not draglag's own, to save their import."""
     if value not in OWN and value not in estimator_names():
         raise click.BadParameter(f"{value!r} is not one of {', '.join(map(repr, estimator_names()))}.", ctx, param)
     return value
@@ -289,7 +288,7 @@ def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> 
 
 
 def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
-    """The result for people: blocks of text."""
+    """Blocks of text for people."""
     rate = analysis.options.update_rate_hz
     stamps = "the kernel's stamps" if rate is None else f"a loop at {rate:g} Hz holding the last event"
     mark = "SIMULATED · " if analysis.source is not None and analysis.source.simulated else ""

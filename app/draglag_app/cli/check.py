@@ -1,4 +1,4 @@
-"""``draglag check``: the pre-flight, one line per check."""
+"""``draglag check``: one line per check."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def check(
 
 
 def line(row: Check, width: int = 0) -> str:
-    """State, name, measured value, limit and remedy of one check."""
+    """One check as a line."""
     text = f"{MARKS[row.state]} {row.name:<{width}}  {row.measured}"
     if row.limit:
         text += f"  (limit {row.limit})"

@@ -1,4 +1,4 @@
-"""Shared by commands: reading sessions, progress, JSON, tables."""
+"""Shared by commands."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ NAME_BYTES = 200
 
 
 class Seed(click.IntRange):
-    """A seed: not negative, at most 128 bits."""
+    """A seed of at most 128 bits."""
 
     def __init__(self) -> None:
         super().__init__(min=0, max=WHOLE_MOST)
 
 
 class FiniteRange(click.FloatRange):
-    """A range that also refuses inf, and nan, which passes every comparison."""
+    """A range that also refuses inf and nan."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
@@ -46,7 +46,7 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 
 def load_session(path: Path) -> Session:
-    """A session file or an exchange folder. Raises DataError."""
+    """A session file or exchange folder. Raises DataError."""
     if path.is_dir() or path.name == "session.json":
         from draglag.exchange import read_exchange
 
@@ -60,7 +60,7 @@ def load_session(path: Path) -> Session:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yields a place for a new file that gets its name when the block ends. Raises DataError."""
+    """Yields a temporary place; the file gets its name when the block ends. Raises DataError."""
     from draglag.system.temporary import new_file
 
     try:
@@ -73,7 +73,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> None:
-    """Raise DataError for an unknown run id; ``all`` is allowed."""
+    """Raise DataError for an unknown run id; ``all`` is known."""
     unknown = sorted(set(ids) - {run.id for run in session.runs} - {"all"})
     if unknown:
         raise DataError(
@@ -85,7 +85,7 @@ def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> Non
 def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
     """Store a result in its session file; failure is a warning, or a DataError if it ``must`` be.
 
-    Exchange folders and journals keep no results: no warning for those.
+    Exchange folders and journals keep no results, without a warning.
     """
     from draglag.store import add_analysis
     from draglag.store.journal import is_journal
@@ -101,20 +101,20 @@ def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any
 
 
 def say_warnings(notes: Iterable[LogEntry]) -> None:
-    """Import warnings on stderr, away from results."""
+    """Import warnings on stderr."""
     for note in notes:
         if note.level == "warning" and note.source == "import":
             warn(note.text)
 
 
 def warn(*texts: str) -> None:
-    """Each non-empty text as a warning on stderr."""
+    """Warnings on stderr."""
     for text in filter(None, texts):
         click.echo(f"warning: {one_line(text)}", err=True)
 
 
 def refuse_existing(path: Path) -> None:
-    """Raise DataError if the path exists, before long work."""
+    """Raise DataError, before long work, for a path that cannot be a new file."""
     if os.path.lexists(path):
         raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another name")
     if len(os.fsencode(path.name)) > NAME_BYTES:
@@ -130,7 +130,7 @@ def refuse_existing(path: Path) -> None:
 
 @contextmanager
 def progress(label: str) -> Iterator[Progress | None]:
-    """Yields a bar on stderr, or None if it is no terminal."""
+    """Yields the callback of a bar on stderr, or None without a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -151,7 +151,7 @@ def print_json(value: Mapping[str, Any]) -> None:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
-    """A text table: the first ``left`` columns and the last left-aligned, others right."""
+    """A text table; the first ``left`` columns and the last are left-aligned."""
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
 
     def line(row: Sequence[str]) -> str:
@@ -170,7 +170,7 @@ def number(value: object, digits: int = 1) -> str:
 
 
 def checksum(path: Path) -> str:
-    """SHA-256 of a session file; empty for an exchange folder."""
+    """SHA-256 of a file; empty for a folder."""
     if not path.is_file():
         return ""
     with path.open("rb") as file:
@@ -178,5 +178,5 @@ def checksum(path: Path) -> str:
 
 
 def now_utc() -> str:
-    """The present time, ISO 8601."""
+    """The present, ISO 8601."""
     return datetime.now(UTC).isoformat(timespec="seconds")

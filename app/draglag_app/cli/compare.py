@@ -1,4 +1,4 @@
-"""``draglag compare``: curves of several sessions, their differences and order."""
+"""``draglag compare``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ COLUMNS = ("session", "rank", "rank_low", "rank_high", "mean_latency_ms", "low_m
 
 @dataclass(frozen=True)
 class Found:
-    """The curve of a session or model and its source, or why there is none."""
+    """The curve of a session or model, or why there is none."""
 
     curve: CurveFit | None = None
     source: Source | None = None
@@ -94,7 +94,6 @@ def compare(
 def _curves(
     paths: list[Path], jobs: int | None, scheduler: str | None
 ) -> tuple[list[tuple[str, CurveFit, Source]], dict[str, str]]:
-    """Curves in order of the paths, and why others have none. Raises EstimateError with fewer than two."""
     jobs = jobs or (None if len(paths) > EACH_IN_FULL else 1)  # to start processes takes longer than two sessions
     found: dict[int, Found] = {}
     with progress("Comparing") as report:

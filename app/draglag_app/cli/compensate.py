@@ -1,4 +1,4 @@
-"""``draglag compensate``: a latency model applied to recorded touches."""
+"""``draglag compensate``."""
 
 from __future__ import annotations
 
@@ -79,7 +79,6 @@ def compensate(
 
 
 def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool) -> dict[str, Any]:
-    """The JSON of what was done; events with the stylus' movement are written to ``out``. Raises DataError."""
     from draglag.gap.correction import corrected_touch
     from draglag.model.compensation import compensate as apply
 
@@ -121,7 +120,6 @@ def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool
 
 
 def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Columns t_s, x_mm, y_mm of a CSV file, NaN for no number. Raises DataError."""
     from draglag.exchange.tables import read_events
 
     rows = read_events(path, ("t_s", "x_mm", "y_mm"))

@@ -1,4 +1,4 @@
-"""``draglag demo``: a simulated measurement, by the code of a real one."""
+"""``draglag demo``: a simulated measurement by the code of a real one."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
 
 
 def summary(session: Session, analysis: Analysis) -> list[str]:
-    """A short table of the results."""
+    """Lines of results."""
     lines = [f"SIMULATED · {session.name}: {len(session.runs)} runs", "", "speed mm/s   latency ms   95 % interval"]
     for run in sorted(analysis.runs, key=lambda run: run.speed_mm_s or 0.0):
         numbers = run.to_dict()
@@ -95,7 +95,6 @@ def summary(session: Session, analysis: Analysis) -> list[str]:
 
 
 def _show(session: Path, report: Path) -> None:
-    """Open the window on the results; without one the demo still succeeds."""
     try:
         if os.environ.get("QT_QPA_PLATFORM", "").startswith(("offscreen", "minimal")):
             raise DraglagError("Qt is set to draw where nobody looks")  # and nobody would close it

@@ -1,4 +1,4 @@
-"""``draglag devices``: devices present, and what to do when something is missing."""
+"""``draglag devices``."""
 
 from __future__ import annotations
 

@@ -139,7 +139,6 @@ def export(session: Path, kind: str, out: Path) -> None:
 
 @contextmanager
 def _source(path: Path) -> Iterator[tuple[Session, list[StoredAnalysis]]]:
-    """A session to export, and its stored results; a file's columns are read as they are written."""
     from draglag.store import open_columns, read_analyses
 
     if path.is_dir() or path.name == "session.json":

@@ -1,4 +1,4 @@
-"""``draglag gap``: where simulation and measurement disagree, and why."""
+"""``draglag gap``."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def _print_more(data: Session, result: GapReport, without: tuple[str, ...]) -> N
 
 
 def print_finding(result: GapReport, report: Path | None) -> None:
-    """Print headline, steps, gap and notes."""
+    """Print the report for people."""
     click.echo(headline(result))
     rows = []
     for step in result.steps:

@@ -1,4 +1,4 @@
-"""Commands on many sessions: selection, work, table, page, failures."""
+"""Commands on many sessions."""
 
 from __future__ import annotations
 
@@ -44,10 +44,9 @@ def many_options(command: Function) -> Function:
 
 
 def sessions_in(paths: Sequence[Path]) -> list[Path]:
-    """Session files and exchange folders of paths, folders and globs, each once, in order.
+    """Session files and exchange folders, each once. Raises DataError where one path has none.
 
-    A folder stands for session files and exchange folders in it, and session files one level below. Raises DataError
-    for a glob or folder without any.
+    In a folder: session files down to one level below, and exchange folders.
     """
     found: dict[Path, None] = {}
     for path in paths:
@@ -62,7 +61,7 @@ def sessions_in(paths: Sequence[Path]) -> list[Path]:
 
 
 def is_one(paths: Sequence[Path]) -> bool:
-    """Whether the paths name one session rather than a collection."""
+    """Whether the paths name one session."""
     if len(paths) != 1:
         return False
     path = paths[0]
@@ -70,14 +69,14 @@ def is_one(paths: Sequence[Path]) -> bool:
 
 
 def only_one(asked: Mapping[str, object]) -> None:
-    """Raise click.UsageError for an option of one session, used with many."""
+    """Raise click.UsageError for an option used with many sessions."""
     for name, value in asked.items():
         if value:
             raise click.UsageError(f"{name} works on one session, and several are named.")
 
 
 def only_many(asked: Mapping[str, object]) -> None:
-    """Raise click.UsageError for an option of many sessions, used with one."""
+    """Raise click.UsageError for an option used with one session."""
     for name, value in asked.items():
         if value is not None:
             raise click.UsageError(f"{name} is of many sessions; name several, a folder of them or a glob.")
@@ -104,7 +103,7 @@ def run_many(
     jobs: int | None,
     scheduler: str | None,
 ) -> list[Outcome]:
-    """The outcome of every path, in their order, with progress."""
+    """The outcome of every path, in their order."""
     done: dict[int, Outcome] = {}
     with progress(label) as report:
         for place, outcome in spread(work, paths, jobs, scheduler):
@@ -115,7 +114,7 @@ def run_many(
 
 
 def refuse_outputs(out: Path | None, *others: Path | None) -> None:
-    """Raise before long work for outputs that exist or cannot be written."""
+    """Raise, before long work, for outputs that cannot be written."""
     for path in filter(None, (out, *others)):
         refuse_existing(path)
     if out is not None and out.suffix not in (".csv", ".parquet"):
@@ -125,7 +124,7 @@ def refuse_outputs(out: Path | None, *others: Path | None) -> None:
 
 
 def write_table(rows: Sequence[dict[str, Any]], columns: Sequence[str], path: Path) -> None:
-    """Write rows as CSV or Parquet. Raises DataError."""
+    """Write CSV or Parquet. Raises DataError."""
     with written_whole(path) as growing:
         if path.suffix == ".parquet":
             from draglag.analysis.tables import frame_of
@@ -142,10 +141,9 @@ def conclude(
     outcomes: Sequence[Outcome], columns: Sequence[str], shown: Sequence[tuple[str, str, int]], *, legend: str,
     title: str, out: Path | None, summary: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Print the table or JSON, write table and page, name failures; exit 1 if any.
+    """Print results, write table and page, name failures; exit 1 if any.
 
-    Args:
-        columns: of the table. shown: of those for people, with head and digits (-1: no number).
+    ``shown``: columns for people, with head and digits (−1: no number).
     """
     head = [name for _, name, _ in shown]
     cells = [[_cell(outcome.row, key, digits) for key, _, digits in shown] for outcome in outcomes]
@@ -191,7 +189,6 @@ def _with_file(outcome: Outcome) -> str:
 
 
 def _cell(row: Mapping[str, Any], key: str, digits: int) -> str:
-    """A cell for people, marking simulated screens. digits: −1 for no number."""
     value = row.get(key)
     if digits >= 0 or value is None:
         return number(value, max(digits, 0))

@@ -1,4 +1,4 @@
-"""``draglag record``: measure a protocol into a new session file."""
+"""``draglag record``."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def record(
 
 
 def display_number(display: str, screen_number: str | None) -> int | None:
-    """Number of the screen (1, 2 …) or None for offscreen. Raises click.UsageError."""
+    """Number of the screen from 1; None for offscreen. Raises click.UsageError."""
     words = re.fullmatch(r"screen[ :=-]?(\d*)", display)
     if display == "offscreen" and screen_number is None:
         return None
@@ -124,7 +124,7 @@ def display_number(display: str, screen_number: str | None) -> int | None:
 def session_options(
     rig: Rig, screen_name: str, seed: int | None, stylus_mm: float | None = None, note: str = ""
 ) -> SessionOptions:
-    """Screen, stylus and beam of a session, from the simulated world if any. Raises DataError."""
+    """Options with screen, stylus and beam, those of the simulated world if any. Raises DataError."""
     preset = load_screen_file(screen_name)
     screen = Screen(preset.name, **preset.screen.model_dump())
     stylus, beam = Stylus(preset.stylus.diameter_mm), None
@@ -137,7 +137,7 @@ def session_options(
 
 
 def calibrated(rig: Rig, touch: str, path: Path) -> TouchCalibration:
-    """A saved calibration, now used by the touchscreen at ``touch``. Raises DataError."""
+    """A saved calibration, now used by the touchscreen. Raises DataError."""
     fit, device = load_calibration(path)
     if "calibration" in parse_address(touch).options:
         raise DataError(
@@ -159,10 +159,10 @@ def record_with(
     spare: Path | None = None,
     lsl: bool = False,
 ) -> Path:
-    """The path of a recorded session. Ctrl-C, SIGTERM and SIGHUP end it properly.
+    """The path of a recorded session. Raises DraglagError, also when it ended early.
 
-    ``spare``: folder to continue in when the place of ``out`` is full or gone. ``lsl``: also stream to the Lab
-    Streaming Layer. Raises DraglagError; also when the session ended early, with the path of what was recorded.
+    ``spare``: folder to continue in when that of ``out`` is full or gone. ``lsl``: also stream to the Lab Streaming
+    Layer.
     """
     problem = ""
     notify = progress_printer()
@@ -212,8 +212,8 @@ def _on_screen(number: int) -> _OnScreen:
 
 @contextmanager
 def stop_on_signals(control: Control) -> Iterator[None]:
-    """The first Ctrl-C, SIGTERM (kill, shutdown) or SIGHUP (terminal closed) ends the session and closes the file; a
-    second Ctrl-C acts as usual, further SIGTERM and SIGHUP have no effect."""
+    """The first SIGINT, SIGTERM or SIGHUP (terminal closed) ends the session properly; a second SIGINT acts as
+    usual."""
     before: dict[signal.Signals, Any] = {}
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -237,7 +237,7 @@ def stop_on_signals(control: Control) -> Iterator[None]:
 
 
 def progress_printer() -> events.Listener:
-    """A listener that prints finished runs and warnings on stderr."""
+    """A listener that prints runs and warnings on stderr."""
     quiet = not sys.stderr.isatty()
     numbers: dict[str, str] = {}
 

@@ -1,4 +1,4 @@
-"""``draglag reproduce``: the paper's tables and figures from simulated screens."""
+"""``draglag reproduce``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``draglag simulate``: a session of a simulated screen, without waiting."""
+"""``draglag simulate``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class _ListsEffects(click.Command):
-    """Lists every effect at the end of its help: id, typical value, further numbers."""
+    """Lists every effect after its help."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         from draglag.simulation.effects import EFFECTS
@@ -78,7 +78,6 @@ def simulate(
 
 
 def _of_model(screen_name: str, path: Path, chosen: tuple[Effect, ...]) -> tuple[Rig, tuple[Effect, ...], str]:
-    """A rig with the model's law; its effects and the chosen ones; a description. Raises DataError."""
     from draglag.gap.correction import realise, size_words
     from draglag.gap.replaying.realised import rig_with_law
     from draglag.model.file import left_unexplained, load_model

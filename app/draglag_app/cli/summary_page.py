@@ -1,4 +1,4 @@
-"""The self-contained page of many sessions: a row and a small picture each."""
+"""The HTML page of many sessions."""
 
 from __future__ import annotations
 
@@ -20,11 +20,7 @@ polyline{fill:none;stroke:#0072b2;stroke-width:1.5}line{stroke:#d55e00;stroke-da
 
 
 def page(title: str, head: Sequence[str], rows: Sequence[tuple[Outcome, Sequence[str]]], legend: str) -> str:
-    """The HTML page; every cell is escaped.
-
-    Args:
-        head: of the columns. rows: each outcome with its cells. legend: what the pictures show.
-    """
+    """The page. ``legend``: what the pictures show."""
     frame = _frame([outcome.picture for outcome, _ in rows])
     columns = list(zip(*(cells for outcome, cells in rows if not outcome.problem), strict=True)) or [()] * len(head)
     types = [_column_type(column) for column in columns]
@@ -55,14 +51,13 @@ def _column_type(column: Sequence[str]) -> str:
 
 
 def _frame(pictures: Sequence[Sparkline]) -> tuple[float, float]:
-    """Greatest x and y: one scale from zero for comparable pictures."""
     xs = [x for p in pictures for x in (*p.x, *(mark[0] for mark in p.marks))]
     ys = [y for p in pictures for y in (*p.y, *(mark[1] for mark in p.marks), *([p.floor] if p.floor else []))]
     return max(xs, default=1.0) or 1.0, max(ys, default=1.0) or 1.0
 
 
 def sparkline(picture: Sparkline, frame: tuple[float, float]) -> str:
-    """Inline SVG on the scale of ``frame``."""
+    """Inline SVG; ``frame``: greatest x and y."""
 
     def at(x: float, y: float) -> tuple[float, float]:
         across = EDGE + (WIDTH - 2 * EDGE) * x / frame[0]

@@ -1,4 +1,4 @@
-"""Standard output on a terminal: control characters in names and notes of a file take no effect."""
+"""Control characters in names and notes of a file must not reach a terminal."""
 
 from __future__ import annotations
 

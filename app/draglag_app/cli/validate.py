@@ -1,4 +1,4 @@
-"""``draglag validate``: how much of a session's misalignment a latency model removes."""
+"""``draglag validate``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``draglag verify``: a session file against its schema; salvage of an unfinished one."""
+"""``draglag verify``."""
 
 from __future__ import annotations
 

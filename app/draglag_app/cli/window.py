@@ -1,4 +1,4 @@
-"""Opening the operator window, and saying why it cannot open."""
+"""Opening the operator window."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TIMEOUT_S = 20.0  # Qt starts within half a second; a display that does not ans
 
 
 def need_display() -> None:
-    """Raises DraglagError where Qt has no display: it would end the program."""
+    """Raises DraglagError without a display, where Qt would end the program."""
     display, platform = os.environ.get("DISPLAY", ""), os.environ.get("QT_QPA_PLATFORM", "")
     if platform in _NEED_NONE:
         return
@@ -39,7 +39,7 @@ def need_display() -> None:
 
 
 def _qt_starts() -> bool:
-    """Whether Qt starts, tried in another process, which it ends where not."""
+    """Whether Qt starts; tried in another process, which it may end."""
     trial = [sys.executable, "-c", "from PySide6.QtGui import QGuiApplication; QGuiApplication([])"]
     try:
         done = subprocess.run(trial, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=False)
@@ -50,10 +50,7 @@ def _qt_starts() -> bool:
 
 
 def open_window(session: Path | None = None) -> int:
-    """The exit code of the operator window, opened on a session's results, once closed.
-
-    Raises DraglagError: no Qt, no display, or a library that Qt needs is missing.
-    """
+    """The exit code of the operator window, once closed. Raises DraglagError where it cannot open."""
     need(*WINDOW_MODULES)
     need_display()
     try:
@@ -76,7 +73,6 @@ def _on_x() -> bool:
 
 
 def _x_answers() -> bool:
-    """Whether an X server answers at DISPLAY; True where that cannot be asked."""
     try:
         xcb = ctypes.CDLL("libxcb.so.1")
     except OSError:
@@ -89,7 +85,6 @@ def _x_answers() -> bool:
 
 
 def _load_x_plugin() -> None:
-    """Raises OSError naming the library without which Qt cannot load its X plugin."""
     qt = importlib.util.find_spec("PySide6")
     for folder in (qt.submodule_search_locations or []) if qt else []:
         plugin = Path(folder) / "Qt" / "plugins" / "platforms" / "libqxcb.so"

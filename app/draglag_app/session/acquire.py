@@ -1,4 +1,4 @@
-"""A whole session, from the first target to the closed file."""
+"""A whole session."""
 
 from __future__ import annotations
 
@@ -32,20 +32,19 @@ def run_session(
     listener: events.Listener = lambda event: None,
     control: Control | None = None,
 ) -> Path:
-    """The path of a new session file with a recorded protocol. Blocks until the file is closed.
+    """The path of a new session file with a recorded protocol. Blocks until it is closed.
 
     Args:
-        rig: sources (not yet open) and their stage; runs need the roles "touch" and "laser", taps "touch" and "walt".
-        listener: called with every event (see ``events``), from two threads.
+        rig: sources, not yet open; runs need the roles "touch" and "laser", taps "touch" and "walt".
+        listener: called with every event, from two threads.
         control: requests from other threads.
 
-    When a device is lost or the operator stops, the file is whole, holds what was recorded, and
-    ``SessionFinished.problem`` says why.
+    When the session ends early, the file holds what was recorded, and ``SessionFinished.problem`` says why.
 
     Raises:
-        OpenFaults: sources that could not be opened, all at once; nothing was written.
-        DataError: the file exists or cannot be written and no other place was named (what was flushed is in the
-            ``.partial`` file), or a target does not fit the screen.
+        OpenFaults: sources cannot be opened; nothing was written.
+        DataError: the file exists or cannot be written (what was flushed is in the ``.partial`` file), or a target
+            does not fit the screen.
     """
     plan = expand(protocol, options.screen, options.seed, beam=options.beam)
     roles = {source.role for source in rig.sources}
@@ -83,7 +82,6 @@ def run_session(
 
 
 def _finish(recorder: Recorder, writer: SessionWriter, control: Control, listener: events.Listener) -> Path:
-    """The session file, made from the journal. Raises DataError: the journal remains."""
     failure = recorder.saver.failure
     try:
         if failure is not None and not control.has_place:

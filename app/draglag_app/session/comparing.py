@@ -1,4 +1,4 @@
-"""Clock comparisons before and after every block, by sources that offer them on request."""
+"""Clock comparisons before and after every block."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _COMPARE_S = 8.0
 
 
 class Comparisons:
-    """Requests comparisons and waits for those to be kept with a block."""
+    """Requests comparisons of sources that offer them."""
 
     def __init__(self, sources: Iterable[Source], time_base: TimeBase, saver: Saver) -> None:
         self._comparing = {source.role: source for source in sources if isinstance(source, Synchronises)}
@@ -24,12 +24,12 @@ class Comparisons:
         self._saver = saver
 
     def ask(self, roles: tuple[str, ...]) -> dict[str, threading.Event]:
-        """Role → event, set when that source has compared its clock in full."""
+        """Role → event, set when that source has compared."""
         living = {role: source for role, source in self._comparing.items() if role not in self._saver.lost}
         return {role: source.synchronise() for role, source in living.items() if role in roles}
 
     def wait(self, roles: tuple[str, ...]) -> None:
-        """Compare after a block, and wait, so that it is kept with the block."""
+        """Compare, and wait until it is saved with the block."""
         deadline_s = time.monotonic() + _COMPARE_S
         for role, done in self.ask(roles).items():
             while not done.wait(TICK_S) and time.monotonic() < deadline_s and role not in self._saver.lost:

@@ -1,4 +1,4 @@
-"""The session's own thread: the protocol step by step."""
+"""The session's own thread."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class _Recorded:
 
 
 class Conductor:
-    """Runs the protocol in the session's own thread and takes the operator's requests."""
+    """Runs the protocol and takes the operator's requests."""
 
     def __init__(
         self,
@@ -104,7 +104,6 @@ class Conductor:
             self.problem = NO_TOUCH
 
     def _steps(self, plan: tuple[PlannedRun, ...]) -> Iterator[Callable[[], None]]:
-        """Steps of the protocol; before its end, runs that went wrong again."""
         taps, check = self._protocol.taps, self._protocol.clock_check
         if check is not None:
             yield lambda: self._clock_check(check.duration_s)
@@ -120,7 +119,6 @@ class Conductor:
             yield lambda: self._clock_check(check.duration_s)
 
     def _between(self) -> bool:
-        """Rest, and repeat the last run as often as asked. False if the session is to end."""
         while self._rest():
             repeat = self._control.take_repeat()
             if self._last is None or not repeat:
@@ -131,7 +129,6 @@ class Conductor:
         return False
 
     def _over(self) -> bool:
-        """Whether the session must end; ``problem`` then says why."""
         if (
             self._saver.failure is not None
             and resume_elsewhere(self._saver, self._control, self._emit)
@@ -160,14 +157,12 @@ class Conductor:
         self._run(planned, planned.id, number, count)
 
     def _once_more(self, run_id: str) -> None:
-        """Repeat a run that went wrong, unless the operator withdrew it meanwhile."""
         if self._control.unqueue(run_id) and run_id in self._wrong:
             self._control.take_repeat()
             self._last = self._wrong.pop(run_id)
             self._repeat_run()
 
     def _queue_or_forget(self, planned: PlannedRun, run: Run, outcome: str) -> None:
-        """Queue a run that went wrong, unless tried often enough."""
         last, wanted = self._last, self._control.retries and not planned.practice and not self._control.stopping
         if not wanted:
             return
@@ -236,12 +231,10 @@ class Conductor:
         self._queue_or_forget(planned, run, outcome)
 
     def _saved_elsewhere(self, run: Run | None) -> bool:
-        """Whether a run that was whole when the disk failed is in another place now."""
         whole = run is not None and run.outcome != "failed"
         return whole and resume_elsewhere(self._saver, self._control, self._emit)
 
     def _prepare(self, planned: PlannedRun, run_id: str) -> tuple[float, Signal | None]:
-        """When the target starts to move, session clock, and what has gone wrong before, if anything."""
         self._display.prompt(message("{run}: follow the target", run=run_id))
         self._watch.check_disk(force=True)
 
@@ -264,7 +257,6 @@ class Conductor:
         return start_s, None
 
     def _follow(self, planned: PlannedRun, start_s: float, end_s: float) -> Signal | None:
-        """Record while the target moves; report a turned touchscreen as early as touches allow."""
         reported = False
         for after_s in CHECKS_AFTER_S:
             signal = self._watch.wait_until(min(start_s + after_s, end_s), RUN_ROLES, frames=True)
@@ -276,7 +268,6 @@ class Conductor:
         return self._watch.wait_until(end_s, RUN_ROLES, frames=True)
 
     def _check_orientation(self, planned: PlannedRun, start_s: float) -> bool:
-        """Report touches mirrored against the target: the panel was turned after its calibration."""
         run = self._saver.call(self._saver.so_far)
         wrong = None if run is None else wrong_way_round(run.touch, planned.target, start_s, self._options.screen)
         if wrong is not None:
@@ -303,7 +294,6 @@ class Conductor:
             self._watch.log("warning", "touch", words)
 
     def _preview(self, end_s: float) -> None:
-        """Emit a preview of the run before the longest possible latency has passed."""
         self._time.advance_to(end_s + PREVIEW_S)
         patience_s = TAIL_S if self._time.realtime else STUCK_S
         if self._saver.wait_past(end_s + PREVIEW_S, RUN_ROLES, patience_s):
@@ -373,7 +363,6 @@ class Conductor:
         self._display.prompt("")
 
     def _rest(self) -> bool:
-        """Pause before the next step. False if the session is to end."""
         self._control.take_abort()
         self._display.prompt(message("Rest"))
         by_hand = not self._control.auto

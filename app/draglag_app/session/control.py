@@ -1,4 +1,4 @@
-"""The operator's requests to a running session."""
+"""The operator's requests to a session."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ class Place:
 
 
 class Control:
-    """Requests that the session polls several times a second. Thread-safe.
+    """Requests that the session polls. Thread-safe.
 
     Args:
-        auto: begin each run after the rest; False waits for ``proceed()`` before every run.
-        asks: somebody will answer (``name_place``) where to go on when nothing can be saved.
-        spare: the folder to go on in then, without asking; used once.
-        retries: queue, after the planned runs, those that were aborted, failed, or give no latency for the curve.
+        auto: begin each run after the rest; else wait for ``proceed()``.
+        asks: somebody answers (``name_place``) when nothing can be saved.
+        spare: folder to go on in then, without asking; used once.
+        retries: queue again runs that went wrong or give no latency.
     """
 
     def __init__(self, auto: bool = True, asks: bool = False, spare: Path | None = None, retries: bool = False) -> None:
@@ -39,13 +39,13 @@ class Control:
         self._queue: list[str] = []
 
     def stop(self) -> None:
-        """End the session: the present run is aborted, the file closed."""
+        """Abort the run, end the session, close the file."""
         with self._changed:
             self._stop = self._abort = True
             self._changed.notify_all()
 
     def abort_run(self) -> None:
-        """End the present run; its data are kept, marked as aborted."""
+        """End the present run; its data are kept."""
         with self._changed:
             self._abort = True
             self._changed.notify_all()
@@ -57,7 +57,7 @@ class Control:
             self._changed.notify_all()
 
     def queue(self, run_id: str) -> None:
-        """Record that planned run again after the others, once."""
+        """Record that planned run again after the others."""
         with self._changed:
             if run_id not in self._queue:
                 self._queue.append(run_id)
@@ -71,7 +71,7 @@ class Control:
 
     @property
     def queued(self) -> tuple[str, ...]:
-        """Planned runs that will be recorded again, the next one first."""
+        """Planned runs that will be recorded again, in order."""
         with self._changed:
             return tuple(self._queue)
 
@@ -80,7 +80,7 @@ class Control:
         return self._retries
 
     def proceed(self) -> None:
-        """Begin the next run now, without waiting for the rest to end."""
+        """Begin the next run without waiting."""
         with self._changed:
             self._proceed = True
             self._changed.notify_all()
@@ -92,13 +92,13 @@ class Control:
             self._changed.notify_all()
 
     def no_place(self) -> None:
-        """No other place will be named: a session that cannot save ends."""
+        """No place will be named: a session that cannot save ends."""
         with self._changed:
             self._asks, self._spare = False, None
             self._changed.notify_all()
 
     def note(self, text: str) -> None:
-        """A note for the file, stamped now."""
+        """Add a note for the file, stamped when taken."""
         with self._changed:
             self._notes.append(text)
             self._changed.notify_all()
@@ -119,7 +119,7 @@ class Control:
             return self._abort
 
     def take_abort(self) -> bool:
-        """Whether an abort was requested; clears it, unless the session is to stop."""
+        """Whether an abort was requested; cleared, unless the session is to stop."""
         with self._changed:
             asked, self._abort = self._abort, self._stop
             return asked
@@ -147,12 +147,12 @@ class Control:
 
     @property
     def has_place(self) -> bool:
-        """Whether there is, or may be named, another place to save to."""
+        """Whether another place is, or may be, named."""
         with self._changed:
             return self._asks or self._spare is not None
 
     def wait_for_place(self, stoppable: bool) -> Place | None:
-        """The place, once named; None if nobody will, or (``stoppable``) once the session is to stop."""
+        """The place, once named; None if none will be, or (``stoppable``) the session is to stop."""
         with self._changed:
             if self._spare is not None:
                 place, self._spare = Place(self._spare), None
@@ -162,6 +162,6 @@ class Control:
             return self._place
 
     def wait(self, timeout_s: float) -> None:
-        """Wait for any request, at most ``timeout_s``."""
+        """Wait for any request."""
         with self._changed:
             self._changed.wait(timeout_s)

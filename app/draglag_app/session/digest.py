@@ -1,4 +1,4 @@
-"""Samples cut to a run, and decimated for live plots."""
+"""Samples cut to a run, and reduced for live plots."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _Trace = TypeVar("_Trace", TouchTrace, LaserTrace)
 
 
 def within(trace: _Trace, from_s: float, to_s: float) -> _Trace:
-    """Samples from ``from_s`` to ``to_s`` inclusive, and gaps that overlap that time."""
+    """Samples from ``from_s`` to ``to_s`` inclusive, and overlapping gaps."""
     keep = (trace.t_s >= from_s) & (trace.t_s <= to_s)
     gaps = trace.gaps_s
     if len(gaps):
@@ -32,7 +32,7 @@ def within(trace: _Trace, from_s: float, to_s: float) -> _Trace:
 
 
 def digest(role: str, run_id: str, batch: Batch, lost: int) -> SamplesArrived | None:
-    """A batch for live displays; None if empty. Without touches if only a contact ended."""
+    """A batch for live plots; None if empty."""
     touch = batch.touch if batch.touch is not None else empty_touch()
     laser = batch.laser if batch.laser is not None else empty_laser()
     count = len(touch.t_s) + len(laser.t_s)

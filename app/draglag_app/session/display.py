@@ -1,4 +1,4 @@
-"""The participant's display for the session, and one without a screen."""
+"""The participant's display, as the session needs it."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from draglag.recording import DisplayTrace
 
 
 class Display(Protocol):
-    """Shows a target and records when it was drawn where. Called from the session's thread."""
+    """Shows a target. Called from the session's thread."""
 
     def show(self, target: Target, start_s: float) -> None:
-        """Draw the target at its start; it moves from ``start_s`` (session clock)."""
+        """Draw the target; it moves from ``start_s`` (session clock) on."""
         ...
 
     def prompt(self, text: str) -> None:
-        """A short sentence for the participant; empty removes it."""
+        """Show a sentence; empty removes it."""
         ...
 
     def frames(self, until_s: float) -> DisplayTrace:
@@ -32,7 +32,7 @@ class Display(Protocol):
 
 
 class OffscreenDisplay:
-    """Draws nothing; computes the frames of a 60 Hz screen."""
+    """Computes the frames of a screen without drawing."""
 
     def __init__(self, frame_hz: float = 60.0) -> None:
         self.frame_hz = frame_hz

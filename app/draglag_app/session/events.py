@@ -1,4 +1,4 @@
-"""Events of a session for its listener; those about data are emitted after the data were appended to the file."""
+"""Events of a session; those about data come after the data were appended to the file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DeviceOpened:
 
 @dataclass(frozen=True)
 class StateChanged:
-    """A run's phase. ``remaining_s``: to the target's start in "countdown", else to its end."""
+    """A run's phase; ``remaining_s`` to the target's start in "countdown", else to its end."""
 
     run_id: str
     phase: Phase
@@ -38,16 +38,16 @@ class StateChanged:
 
 @dataclass(frozen=True)
 class Resting:
-    """A rest began. ``remaining_s``: to the next step; infinite where the operator begins it."""
+    """A rest began; ``remaining_s`` is infinite where the operator ends it."""
 
     remaining_s: float
 
 
 @dataclass(frozen=True)
 class RunQueued:
-    """A run went wrong and will be recorded again after the planned ones (``Control.unqueue``).
+    """A run went wrong and will be recorded again after the planned ones.
 
-    ``outcome``: of its recording, or "unusable" for a whole one without a latency for the curve.
+    ``outcome``: of its recording, or "unusable" for a whole one without a latency.
     """
 
     run_id: str
@@ -63,10 +63,9 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class RunPreviewed:
-    """The run so far, soon after its target ended and nearly all is saved.
+    """The run so far, soon after its target ended.
 
-    RunFinished brings the last events, after the longest latency. Omitted where a source is late or the run ended
-    early.
+    Omitted where a source is late or the run ended early.
     """
 
     run: Run
@@ -75,10 +74,7 @@ class RunPreviewed:
 
 @dataclass(frozen=True)
 class RunFinished:
-    """A whole run, saved with its final outcome.
-
-    ``clocks``: clock comparisons of the session so far outside its runs.
-    """
+    """A saved run; ``clocks``: comparisons outside the session's runs so far."""
 
     run: Run
     outcome: str
@@ -90,12 +86,12 @@ class SamplesArrived:
     """A digest of samples for live plots; at most a few hundred points.
 
     Attributes:
-        run_id: the run they were saved in; empty between runs, when they are not kept.
-        t_s, x_mm, y_mm: (n,) decimated touch events. edge_s, light: (m,) edges.
-        count: samples before decimation. rate_hz: of this batch, 0 where unknown.
-        age_s: of the newest sample when read; 0 without samples, where only a contact began or ended.
+        run_id: empty between runs, when samples are not kept.
+        t_s, x_mm, y_mm: (n,) decimated touch events; edge_s, light: (m,) edges.
+        count: samples before decimation; rate_hz: of them, 0 where unknown.
+        age_s: of the newest sample when read; 0 where only a contact began or ended.
         lost: samples known to be lost since the session began.
-        batch: all of them as read, or None.
+        batch: the samples as read.
     """
 
     role: str
@@ -115,7 +111,7 @@ class SamplesArrived:
 
 @dataclass(frozen=True)
 class TapsArrived:
-    """Taps paired and saved. ``rejected``: so far, by reason."""
+    """Taps saved, and rejected, so far."""
 
     down: int
     release: int
@@ -158,7 +154,7 @@ class PlaceWanted:
 
 @dataclass(frozen=True)
 class SessionFinished:
-    """The file is closed. ``problem`` is empty when all that was planned was recorded."""
+    """The file is closed; ``problem`` is empty if all was recorded."""
 
     path: Path
     problem: str = ""

@@ -1,4 +1,4 @@
-"""A run as a pure state machine: exactly one outcome, whatever happens in whatever order."""
+"""A run as a state machine with exactly one outcome."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class RunState:
 
 
 def advance(state: RunState, signal: Signal) -> RunState:
-    """The state after a signal; signals without meaning in a phase change nothing."""
+    """The state after a signal; unchanged if it has no meaning in that phase."""
     if state.phase is Phase.FINISHED:
         return state
     if state.phase is Phase.CLOSING and signal is Signal.DRAINED:

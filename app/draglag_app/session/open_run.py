@@ -1,4 +1,4 @@
-"""The run being recorded, as far as saved."""
+"""The run being recorded."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from draglag.recording import ClockBounds, DisplayTrace, LaserTrace, LogEntry, R
 
 @dataclass
 class OpenRun:
-    """Data of a run so far; samples up to ``to_s`` belong to it."""
+    """Data saved so far; samples up to ``to_s`` belong to it."""
 
     run: Run
     to_s: float

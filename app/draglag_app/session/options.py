@@ -1,4 +1,4 @@
-"""Options of a session apart from protocol and sources."""
+"""Options of a session."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ COUNTDOWN_S = 3.0
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """Options of a session; ``seed`` None: the protocol's."""
+    """``seed`` None: the protocol's."""
 
     screen: Screen
     stylus: Stylus = field(default_factory=lambda: Stylus(7.0))

@@ -1,7 +1,4 @@
-"""Samples in order of time; those of impossible time are left out, counted and marked.
-
-One stamp that goes back would make every reader refuse the session.
-"""
+"""Samples in order of time: one stamp that goes back would make every reader refuse the session."""
 
 from __future__ import annotations
 
@@ -24,7 +21,7 @@ _Trace = TypeVar("_Trace", TouchTrace, LaserTrace)
 
 
 class Order:
-    """The order of one source's samples, from batch to batch."""
+    """The order of one source's samples."""
 
     def __init__(self) -> None:
         self._last_s = -np.inf

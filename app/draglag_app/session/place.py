@@ -1,4 +1,4 @@
-"""When nothing can be saved: the session waits for another place, or for room."""
+"""When nothing can be saved, the session waits for a place."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag_app.session.saver import Saver
 
 
 def resume_elsewhere(saver: Saver, control: Control, emit: events.Listener) -> bool:
-    """Ask until saving goes on; False if no place is named, or the session is to stop."""
+    """Whether saving goes on: a place was named."""
 
     def go_on(place: Path | None) -> None:
         saver.call(lambda: saver.resume(place))

@@ -1,4 +1,4 @@
-"""The threads of a session: one reader per source, and a saver."""
+"""The threads of a session."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ QUEUE_BATCHES = 512
 
 
 class Recorder:
-    """Starts and stops the threads over open sources; ``saver`` does the rest."""
+    """Starts and stops readers and saver, over open sources."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Recorder:
             reader.start()
 
     def stop(self) -> None:
-        """Stop reading, save what was read, close the sources. The owner closes the file."""
+        """Stop reading, save, close the sources; not the file."""
         self._stop_readers.set()
         for reader in self._readers:
             if reader.is_alive():

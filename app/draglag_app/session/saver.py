@@ -34,10 +34,10 @@ _T = TypeVar("_T")
 class Saver:
     """Processes batches and requests from one queue, in order.
 
-    After a write failure it does not use the disk until ``resume``; data wait in memory.
+    After a write failure data wait in memory until ``resume``.
 
     Attributes:
-        failure: why nothing can be saved at present, or None.
+        failure: why nothing can be saved at present.
         lost: role → error of a source that is gone for good.
     """
 
@@ -73,11 +73,11 @@ class Saver:
 
     @property
     def tap_count(self) -> int:
-        """Taps saved so far with shocks for both touch and release."""
+        """Taps saved with shocks for both touch and release."""
         return min(self._taps["down"], self._taps["release"])
 
     def call(self, action: Callable[[], _T]) -> _T:
-        """Run an action in the writer's thread, after the queue's content. Raises what it raises."""
+        """The action's result, from the writer's thread after the queue's content. Raises what it raises."""
         result: Future[_T] = Future()
 
         def act() -> None:
@@ -90,34 +90,31 @@ class Saver:
         return result.result()
 
     def lagging_roles(self, t_s: float, roles: Iterable[str]) -> list[str]:
-        """Living sources of these roles that have not reported past ``t_s``."""
+        """Living sources that have not reported past ``t_s``."""
         return [role for role in roles if role not in self.lost and self._marks.get(role, np.inf) < t_s]
 
     def wait_past(self, t_s: float, roles: tuple[str, ...], timeout_s: float) -> list[str]:
-        """Roles of living sources not saved past ``t_s`` within the time.
-
-        Empty, at once, when saving has failed.
-        """
+        """Living sources not saved past ``t_s`` in time; empty, at once, when saving has failed."""
         with self._progress:
             self._progress.wait_for(lambda: not self.lagging_roles(t_s, roles) or self.failure is not None, timeout_s)
             return [] if self.failure is not None else self.lagging_roles(t_s, roles)
 
     @property
     def clocks(self) -> tuple[ClockBounds, ...]:
-        """Clock comparisons saved outside runs so far."""
+        """Clock comparisons saved outside runs."""
         return tuple(self._clocks)
 
     # --- actions: they run in the writer's thread, through ``call`` ------------------------------------------
 
     def begin_run(self, run: Run, to_s: float) -> None:
-        """Save samples stamped from ``run.start_s`` to ``to_s`` in a new run. Raises DraglagError."""
+        """Save samples from ``run.start_s`` to ``to_s`` in a new run. Raises DraglagError."""
         if self.failure is not None:
             raise self.failure.with_traceback(None)
         self._run = OpenRun(run, to_s)
         self._keep(lambda: self._writer.begin_run(run))
 
     def resume(self, path: Path | None) -> None:
-        """Save again, first what waits, as ``path`` (None: where it was). Raises DraglagError."""
+        """Save again, as ``path`` (None: where it was). Raises DraglagError."""
         if path is not None:
             self._writer.move(path)
         self._keep(self._writer.flush)
@@ -130,7 +127,7 @@ class Saver:
             self._run.to_s = min(self._run.to_s, to_s)
 
     def so_far(self) -> Run | None:
-        """The open run as saved so far, with its planned duration; None without one or if saving has failed."""
+        """The open run as saved, with its planned duration; None if saving has failed."""
         opened = self._run
         if opened is None or self.failure is not None:
             return None
@@ -139,8 +136,7 @@ class Saver:
     def end_run(self, outcome: str, duration_s: float) -> Run | None:
         """The ended run, on disk.
 
-        If saving failed before, the outcome is "failed". If it fails only now (``failure``), the run is whole and waits
-        in memory.
+        "failed" if saving failed before; if it fails only now, the run is whole and waits in memory.
         """
         opened, self._run = self._run, None
         if opened is None:
@@ -167,7 +163,7 @@ class Saver:
             opened.log.append(entry)
 
     def give_up(self, role: str) -> None:
-        """Treat a source that reports no more as lost."""
+        """Treat a source as lost."""
         error = DeviceError(role, message("the {role} source does not report any more", role=role), "check the device")
         self._take_loss(Lost(role, error))
 
@@ -272,7 +268,6 @@ class Saver:
         self._pending_events.append(events.TapsArrived(**self._taps))
 
     def _keep(self, append: Callable[[], _T]) -> _T:
-        """Hand to the writer; on disk after the next flush. Raises DraglagError."""
         try:
             done = append()
         except OSError as error:

@@ -20,17 +20,14 @@ SLEPT_S = 0.1
 
 @dataclass(frozen=True)
 class Standstill:
-    """This program did not run from ``from_s`` to ``to_s`` (CLOCK_MONOTONIC); ``suspended_s``: time asleep.
-
-    CLOCK_MONOTONIC stands while the computer sleeps, CLOCK_BOOTTIME does not.
-    """
+    """This program did not run meanwhile (CLOCK_MONOTONIC); ``suspended_s``: time asleep, by CLOCK_BOOTTIME."""
 
     from_s: float
     to_s: float
     suspended_s: float
 
     def message(self) -> str:
-        """What happened and what it means for the run."""
+        """A sentence for the operator."""
         if self.suspended_s > SLEPT_S:
             return message(
                 "the computer was suspended for {s:.1f} s: nothing was recorded meanwhile. Keep it awake, and "
@@ -50,9 +47,9 @@ def _clocks() -> tuple[float, float]:
 
 
 class Pulse:
-    """Samples the monotonic clocks twenty times a second in its own thread. Thread-safe.
+    """Samples the clocks twenty times a second in a thread. Thread-safe.
 
-    Steps of CLOCK_REALTIME (a time server, the operator) change neither clock.
+    Steps of CLOCK_REALTIME do not matter.
     """
 
     def __init__(self, clocks: Callable[[], tuple[float, float]] = _clocks) -> None:
@@ -74,7 +71,7 @@ class Pulse:
             self._thread.join()
 
     def take(self) -> list[Standstill]:
-        """Standstills since the last call, up to now."""
+        """Standstills since the last call."""
         self._sample()
         with self._lock:
             found, self._found = self._found, []

@@ -1,4 +1,4 @@
-"""Pairing shocks of the WALT with contacts of the kernel."""
+"""Pairs shocks of the WALT with contacts of the kernel."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _T = TypeVar("_T")
 
 @dataclass
 class TapPairer:
-    """Every registered touch or release takes the last shock before it, each shock once, at most 200 ms apart.
+    """Every touch or release takes the last shock before it, each shock once, at most 200 ms apart.
 
-    Without a partner, "touch"/"release" (no shock) and "shock" are counted as rejected; so are sources' own rejections,
-    and "clock": stamped far ahead, which would wait forever.
+    Rejected are "touch"/"release" without a shock, "shock" without a contact, "clock" (stamped far ahead), and sources'
+    own rejections.
     """
 
     _shocks: list[float] = field(default_factory=list)
@@ -49,7 +49,7 @@ class TapPairer:
         return kept
 
     def take(self, until_s: float) -> Taps:
-        """Pairs that are certain once both sources have reported all before ``until_s``."""
+        """Pairs, once both sources have reported up to ``until_s``."""
         pairs: list[tuple[float, float, int]] = []
         rejected, self._rejected = self._rejected, Counter()
         while self._changes and self._changes[0][0] <= until_s:

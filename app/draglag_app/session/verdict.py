@@ -16,8 +16,7 @@ UNUSABLE = "unusable"
 def went_wrong(run: Run, outcome: str, clocks: Sequence[ClockBounds], stylus_mm: float) -> str:
     """Why a run must be recorded again; empty if usable.
 
-    Args:
-        outcome: of the recording. clocks: comparisons of the session outside its runs.
+    ``clocks``: comparisons outside the session's runs.
     """
     if outcome != "complete":
         return outcome
