@@ -1,1 +1,1 @@
-"""The Qt windows: the participant's display and the operator's station."""
+"""The operator's and the participant's windows, in Qt."""

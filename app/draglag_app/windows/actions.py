@@ -1,4 +1,4 @@
-"""The operator's actions, in one table for menus, keys and the Help page."""
+"""The operator's actions, for menus, keys and the Help page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CONTEXT = "Actions"
 
 @dataclass(frozen=True)
 class ActionSpec:
-    """One action. ``when``: "always", "idle" (nothing is being recorded) or "recording"."""
+    """``when``: "always", "idle" or "recording"."""
 
     id: str
     menu: str
@@ -96,12 +96,12 @@ ELSEWHERE = (
 
 
 def say(text: str) -> str:
-    """A text of this table in the operator's language."""
+    """A text of this table, translated."""
     return QCoreApplication.translate(CONTEXT, text)
 
 
 class Actions(QObject):
-    """The table as QActions. ``handlers``: id → callable; ids without one are left out."""
+    """The table as QActions. ``handlers``: id → callable; an action without one is left out."""
 
     def __init__(self, parent: QObject, handlers: Mapping[str, Callable[[], object]]) -> None:
         super().__init__(parent)
@@ -121,7 +121,7 @@ class Actions(QObject):
             action.setShortcut(QKeySequence(keys_of(name, chosen)))
 
     def fill(self, bar: QMenuBar) -> None:
-        """Add menus in the order of the table."""
+        """Add the menus."""
         for name, title in MENUS.items():
             menu = LetterMenu(say(title), bar)
             bar.addMenu(menu)
@@ -136,15 +136,15 @@ class Actions(QObject):
             first.insertMenu(first.actions()[1], recent)
 
     def serve(self, window: QWidget) -> None:
-        """Make keys of measuring and of pages work in another window too."""
+        """Make keys of measuring and of pages work in that window."""
         window.addActions([self.made[s.id] for s in ACTIONS if s.id in self.made and s.menu in ("measure", "go")])
 
     def run_keys(self) -> list[QAction]:
-        """Actions of a run, for a dialog that has the keyboard meanwhile."""
+        """Actions of a run."""
         return [self.made[s.id] for s in ACTIONS if s.id in self.made and s.when == "recording"]
 
     def follow(self, stack: QUndoStack) -> None:
-        """Keep names and availability of undo and redo up to date."""
+        """Show what can be undone and redone."""
         for name, able, able_now, what, what_now in (
             ("undo", stack.canUndoChanged, stack.canUndo(), stack.undoTextChanged, stack.undoText()),
             ("redo", stack.canRedoChanged, stack.canRedo(), stack.redoTextChanged, stack.redoText()),
@@ -157,7 +157,7 @@ class Actions(QObject):
             renamed(what_now)
 
     def set_recording(self, recording: bool) -> None:
-        """Enable the actions of the present state."""
+        """Enable the actions of the state."""
         for spec in ACTIONS:
             if spec.id in self.made and spec.when != "always":
                 self.made[spec.id].setEnabled((spec.when == "recording") == recording)
@@ -175,22 +175,22 @@ def _without_argument(handler: Callable[[], object]) -> Callable[[], None]:
 
 
 def key_list(chosen: Mapping[str, str]) -> list[tuple[str, str]]:
-    """(keys, meaning) of every action, for the Help page; ``chosen``: the operator's keys by action."""
+    """(keys, meaning) of every action that has keys."""
     rows = [(keys_of(spec.id, chosen), say(spec.text)) for spec in ACTIONS]
     return [(keys, text) for keys, text in rows if keys]
 
 
 def keys_of(action: str, chosen: Mapping[str, str]) -> str:
-    """The keys of an action as text; empty if none."""
+    """An action's keys; empty if none."""
     usual = next((spec.keys for spec in ACTIONS if spec.id == action), "")
     return QKeySequence(chosen.get(action, usual)).toString()
 
 
 def who_has(keys: str, chosen: Mapping[str, str]) -> str:
-    """The action that has these keys; empty if free."""
+    """The action with these keys; empty if none."""
     return next((spec.id for spec in ACTIONS if keys and keys_of(spec.id, chosen) == keys), "")
 
 
 def other_keys() -> list[tuple[str, str]]:
-    """(keys, meaning) of those without an action, for the Help page."""
+    """(keys, meaning) of those without an action."""
     return [(say(keys), say(what)) for keys, what in ELSEWHERE]

@@ -1,4 +1,4 @@
-"""The question where to go on when a session cannot save; not modal."""
+"""The question where to go on when a session cannot save."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def tr(text: str) -> str:
 
 
 class AnotherPlace(QDialog):
-    """Asks until a button is pressed; a folder may be chosen again until one is named."""
+    """Asks until a button is pressed; not modal."""
 
     def __init__(self, window: QWidget, control: Control, event: events.PlaceWanted) -> None:
         super().__init__(window)
@@ -59,7 +59,7 @@ class AnotherPlace(QDialog):
 
 
 def ask_another_place(window: QWidget, control: Control | None, event: events.PlaceWanted) -> AnotherPlace | None:
-    """The question, replacing one answered in vain; None without a session."""
+    """The question, in place of an earlier one; None without a session."""
     withdraw(window)
     if control is None:
         return None
@@ -69,7 +69,7 @@ def ask_another_place(window: QWidget, control: Control | None, event: events.Pl
 
 
 def withdraw(window: QWidget) -> None:
-    """Close the question: the session has ended."""
+    """Close the question."""
     for dialog in window.findChildren(AnotherPlace):
         close_file_dialogs(dialog)
         dialog.done(0)

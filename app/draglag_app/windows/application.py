@@ -1,4 +1,4 @@
-"""The Qt application: unexpected errors, language, fonts and theme."""
+"""The Qt application."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def make_application(arguments: Sequence[str], settings: Settings | None = None)
 
 
 def install_excepthook(report: Callable[[str], None]) -> None:
-    """Unexpected errors: a traceback in the log file, a sentence to the operator; the program goes on."""
+    """Report unexpected errors to the operator, with the traceback in a file."""
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if issubclass(kind, KeyboardInterrupt):
@@ -61,7 +61,7 @@ def install_excepthook(report: Callable[[str], None]) -> None:
 
 
 def write_fault(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> Path:
-    """The log file, with the traceback appended."""
+    """The file with the traceback appended."""
     path = user_log_path("draglag") / "faults.log"
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)

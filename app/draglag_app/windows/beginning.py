@@ -1,4 +1,4 @@
-"""Begin to measure: session details, what is missing, start."""
+"""Begin to measure."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def tr(text: str) -> str:
 
 
 def begin(window: OperatorWindow, asked: bool = False) -> None:
-    """Start recording, unless something is missing and the operator declines.
+    """Start recording; where something is missing, only if the operator agrees.
 
-    ``asked``: the session's details were already asked for, if the settings want that.
+    ``asked``: the session's details were asked for already.
     """
     space = window.space
     if space.settings.ask_details and not asked:

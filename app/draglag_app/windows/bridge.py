@@ -1,4 +1,4 @@
-"""The only bridge from session events of other threads to Qt signals of the windows' thread."""
+"""The only bridge from session events of other threads to Qt signals."""
 
 from __future__ import annotations
 
@@ -14,17 +14,14 @@ from draglag_app.session import events
 
 @dataclass(frozen=True)
 class Prompted:
-    """The participant's text, and the ``kind`` of target, empty if none."""
+    """The participant's text, and the target's kind, empty if none."""
 
     text: str
     kind: str = ""
 
 
 class SessionBridge(QObject):
-    """``listener`` may be called from any thread; signals are emitted in this object's thread.
-
-    Events are queued and taken in bunches: a 1 kHz source costs one wake-up of the window, not a thousand.
-    """
+    """Emits events as signals in this object's thread, in bunches: a 1 kHz source costs one wake-up, not a thousand."""
 
     device_opened = Signal(object)
     state_changed = Signal(object)

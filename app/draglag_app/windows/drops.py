@@ -1,4 +1,4 @@
-"""Sessions dropped onto the window: one is opened, several are compared."""
+"""Sessions dropped onto the window."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Drops(QObject):
-    """Takes drops anywhere on the window.
+    """Opens one dropped session, compares several.
 
     Fields accept none: file managers also give the path as text, which a field would insert.
     """
@@ -49,7 +49,7 @@ class Drops(QObject):
 
 
 def dropped(data: QMimeData) -> list[Path]:
-    """One session file or folder, or several session files; else nothing."""
+    """One session file or folder, or several files; else none."""
     paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
     if len(paths) != len(data.urls()):
         return []

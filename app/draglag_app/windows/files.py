@@ -1,4 +1,4 @@
-"""Opening, importing, exporting, reporting and salvaging from the window. Dialogs here, work in the workers."""
+"""Opening, importing, exporting and salvaging sessions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def import_folder(window: OperatorWindow) -> None:
 
 
 def read_folder(window: OperatorWindow, path: Path) -> None:
-    """Open the session of an exchange folder."""
+    """Open an exchange folder."""
     from draglag.exchange import read_exchange
 
     def take(session: Session) -> None:
@@ -53,7 +53,7 @@ def read_folder(window: OperatorWindow, path: Path) -> None:
 
 
 def export_session(window: OperatorWindow) -> None:
-    """Write the session as an exchange folder."""
+    """Ask for a folder and write the session as exchange folder."""
     session = window.space.session
     if session is None:
         window.notify("info", tr("There is no session to export yet."))
@@ -73,7 +73,7 @@ def export_session(window: OperatorWindow) -> None:
 
 
 def write_report(window: OperatorWindow) -> None:
-    """Write the session's HTML report."""
+    """Ask for a folder and write the report."""
     session, analysis = window.space.session, window.space.analysis
     if session is None or analysis is None:
         window.notify("info", tr("There are no results to report yet."))
@@ -98,8 +98,7 @@ def proposed(window: OperatorWindow, what: str) -> Path:
 
 
 def do_work(window: OperatorWindow, what: str, work: Any, where: Path, more: str = "") -> None:
-    """Run ``work`` in a worker, then show where the result is, and ``more``; a report is a page in the folder
-    ``where``."""
+    """Run ``work`` in a worker, then show the path of its result, and ``more``."""
     page = where / "report.html"
 
     def done(result: object) -> None:
@@ -109,7 +108,7 @@ def do_work(window: OperatorWindow, what: str, work: Any, where: Path, more: str
 
 
 def offer_salvage(window: OperatorWindow) -> None:
-    """Ask about recordings that were not closed; No leaves them."""
+    """Ask about recordings that were not closed."""
     folder = Path(window.space.settings.folder)
     try:
         if folder.is_dir():
@@ -128,8 +127,6 @@ def offer_salvage(window: OperatorWindow) -> None:
 
 
 def _save_each(window: OperatorWindow, left: list[Path], folder: Path | None) -> None:
-    """Save recordings in their own folder or in ``folder``; for failures, offer another."""
-
     def work(progress: Progress) -> tuple[list[str], list[Path], str]:
         saved, failed, why = [], [], ""
         for k, path in enumerate(left):

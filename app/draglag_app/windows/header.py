@@ -1,4 +1,4 @@
-"""The bar always in sight: device lights, session name, clock, free disk."""
+"""The bar on top of the window."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LOW_BYTES = 1_000_000_000
 
 
 class Header(QFrame):
-    """The bar on top of the window."""
+    """Device lights, session, clock, free disk."""
 
     lights_changed = Signal()
 
@@ -89,13 +89,13 @@ class Header(QFrame):
         self.lights_changed.emit()
 
     def faults(self) -> list[str]:
-        """Faults of the chosen instruments, by a check or session."""
+        """Known faults of the chosen instruments."""
         rig = self._space.settings.rig
         lights = ((role, self.lights[role]) for role in ROLES if getattr(rig, role))
         return [f"{source_name(role)}: {light.toolTip()}" for role, light in lights if light.state == "fault"]
 
     def show_rig(self) -> None:
-        """Show the chosen rig; its states are unknown until checked or used."""
+        """Show the chosen rig as unchecked."""
         if self._space.recording.active:
             return
         rig = self._space.settings.rig
@@ -110,7 +110,6 @@ class Header(QFrame):
                 self.set_light(role, "warning", self.tr("{address}: not checked yet").format(address=address))
 
     def _rig_changed(self) -> None:
-        """Keep a check's results if only other settings changed."""
         rig = self._space.settings.rig
         if any(getattr(rig, role) != self._rig[role] for role in ROLES):
             self.show_rig()

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Keyboard(QObject):
-    """Brings the operator's window forward where a key needs it, and back."""
+    """Brings the operator's window forward where a key needs it."""
 
     def __init__(self, window: OperatorWindow) -> None:
         super().__init__(window)
@@ -19,13 +19,13 @@ class Keyboard(QObject):
         self._lent = False
 
     def serve(self) -> None:
-        """Make the keys work on a newly opened participant's screen."""
+        """Make the keys work in the participant's window."""
         participant = self._window.space.recording.window
         if participant is not None:
             self._window.actions_table.serve(participant)
 
     def come_to(self, page: str) -> None:
-        """Show a page, raising the window if the participant's may have the keyboard."""
+        """Show a page, with the window in front."""
         self._window.go(page)
         if self._window.space.recording.window is not None:
             self._window.raise_()
@@ -39,7 +39,7 @@ class Keyboard(QObject):
         self._window.record.note.setFocus()
 
     def give_back(self) -> None:
-        """On a single screen, bring the participant's window back after a note."""
+        """Give the keyboard back to the participant's window."""
         participant = self._window.space.recording.window
         if participant is not None and self._lent:
             participant.raise_()

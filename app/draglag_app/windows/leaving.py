@@ -11,7 +11,7 @@ def tr(text: str) -> str:
 
 
 def sure_to_stop(window: QWidget) -> bool:
-    """Whether the operator wants to stop and save; default: continue."""
+    """Whether the operator wants to stop and save."""
     box = QMessageBox(window)
     box.setWindowTitle("draglag")
     box.setText(tr("A session is being recorded."))

@@ -28,7 +28,7 @@ def show_whole(window: QWidget) -> None:
 
 
 def open_operator_window(session: Path | None = None) -> int:
-    """Show the operator's window, on that file's results; returns when closed."""
+    """Exit code of the window, once closed; ``session``: whose results to show."""
     file = settings_path()
     settings, problem = load_settings(file)
     application = make_application(sys.argv[:1], settings)

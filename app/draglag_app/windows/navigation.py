@@ -1,4 +1,4 @@
-"""The column of pages at the left of the window."""
+"""The column of pages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LAST_OF_A_GROUP = ("record", "compare")
 
 
 class Navigation(QFrame):
-    """One button per page; ``titles``: name → title; ``actions``: keys for the tips (``go_<name>``)."""
+    """A button per page; ``titles``: by name; ``actions``: keys for the tips (``go_<name>``)."""
 
     chosen = Signal(str)
 
@@ -49,7 +49,7 @@ class Navigation(QFrame):
         self.paint_icons()
 
     def set_narrow(self, narrow: bool) -> None:
-        """Show icons alone, their titles in the tips."""
+        """Show icons alone."""
         if narrow == self._narrow:
             return
         self._narrow = narrow
@@ -60,6 +60,6 @@ class Navigation(QFrame):
             tab.setFixedWidth(width)
 
     def paint_icons(self) -> None:
-        """Paint in the present theme."""
+        """Draw in the present theme."""
         for name, tab in self.tabs.items():
             tab.setIcon(icon(name, theme().text))

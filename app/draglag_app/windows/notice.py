@@ -1,4 +1,4 @@
-"""The strip at the bottom: notices and progress."""
+"""The strip of notices and progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SLOW_MS = 400
 
 
 class NoticeStrip(QFrame):
-    """One sentence, and a bar during a task; hidden without both."""
+    """A sentence, and a bar during a task; hidden without both."""
 
     def __init__(self, tasks: Tasks, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -62,7 +62,7 @@ class NoticeStrip(QFrame):
         self.setVisible(bool(text) or self.progress.isVisibleTo(self))
 
     def saved(self, path: Path, more: str = "") -> None:
-        """Say where a file or folder is, and ``more``; a page or folder can be opened from here."""
+        """Show where a file or folder is, and ``more``."""
         said = self.tr("Saved: {path}").format(path=path)
         self.notify("info", " · ".join(part for part in (said, more) if part))
         self._path = path
@@ -74,7 +74,7 @@ class NoticeStrip(QFrame):
             self.notify("warning", text)
 
     def forget_done(self) -> None:
-        """Clear an "info"; warnings and errors stay until dismissed."""
+        """Clear an "info"."""
         if self.property("level") == "info":
             self.notify("", "")
 

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
 
 
 class OneMonitor(QObject):
-    """In a rest the operator's window comes to the front; for a target the participant's, full screen, true to size.
+    """Shows the operator's window in a rest, the participant's for a target.
 
-    A desktop may refuse that: a bar in the participant's window shows the state and takes notes in every rest. With a
-    monitor each, nothing moves.
+    A desktop may refuse that: a bar in the participant's window serves in rests. With a monitor each, nothing moves.
     """
 
     def __init__(self, window: OperatorWindow) -> None:
@@ -36,7 +35,7 @@ class OneMonitor(QObject):
         window.record.band.said.connect(self._said)
 
     def begin(self) -> None:
-        """Follow the beginning or end of a session, which changes the participant's window."""
+        """Follow a change of the participant's window."""
         self._bar = None
         participant = self._window.space.recording.window
         if participant is None or not participant.isWindow():
@@ -46,7 +45,6 @@ class OneMonitor(QObject):
         self._bar.pressed.connect(self._window.ask)
 
     def _shared(self) -> ParticipantWindow | None:
-        """The participant's window if it fills the operator's monitor."""
         participant = self._window.space.recording.window
         if participant is None or not participant.isFullScreen():
             return None
@@ -60,7 +58,7 @@ class OneMonitor(QObject):
         self._window.activateWindow()
 
     def _to_participant(self) -> None:
-        """Hide and show the window: that brings it to the front on every desktop; raising may not."""
+        """Hide and show: raising a window does not bring it to the front on every desktop."""
         if self._bar is None or self._bar.isHidden():
             return
         self._bar.hide()

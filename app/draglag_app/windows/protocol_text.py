@@ -1,4 +1,4 @@
-"""A protocol as TOML text for ``load_protocol``."""
+"""A protocol as TOML."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ from draglag.protocol.runs import Protocol
 
 
 def to_toml(protocol: Protocol) -> str:
-    """The TOML, without defaults."""
+    """The TOML for ``load_protocol``, without defaults."""
     table = protocol.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude={"source"})
     return tomli_w.dumps(table)

@@ -24,7 +24,7 @@ _NAME_PX = 150
 
 
 class SessionDialog(QDialog):
-    """Saves to the settings on OK. ``starts``: OK begins a session, and says so."""
+    """Saves to the settings on OK. ``starts``: OK begins a session."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None, starts: bool = False) -> None:
         super().__init__(parent)
@@ -115,7 +115,6 @@ class SessionDialog(QDialog):
             pair[0].setFocus()
 
     def _changes(self) -> dict[str, object]:
-        """New settings. Raises DataError for an invalid name or template."""
         fields = {
             check_name(name.text().strip()): text.text().strip() for name, text in self.free if name.text().strip()
         }

@@ -1,4 +1,4 @@
-"""The operator's settings: checked TOML in the user's config folder; errors never prevent starting."""
+"""The operator's settings, in a TOML file; errors never prevent starting."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Table(BaseModel):
 
 
 class RigSettings(_Table):
-    """Addresses of the devices; an empty one is not used."""
+    """Addresses of devices; an empty one is not used."""
 
     touch: str = ""
     laser: str = ""
@@ -43,7 +43,7 @@ class RigSettings(_Table):
     display: Annotated[str, Field(pattern=r"^(window|offscreen|screen [1-9]\d{0,2})$")] = "window"
 
     def addresses(self) -> dict[str, str]:
-        """Role → address of the devices in use."""
+        """Role → address of devices in use."""
         return {role: getattr(self, role) for role in ROLES if getattr(self, role)}
 
     @property
@@ -54,7 +54,7 @@ class RigSettings(_Table):
 
 
 class CalibrationSettings(_Table):
-    """One touch per target, nine, in device units; the panel's size gives the targets' places."""
+    """Nine touches in device units; the panel's size gives the targets' places."""
 
     address: str  # of the touchscreen, without options
     device: str = ""
@@ -69,17 +69,17 @@ class CalibrationSettings(_Table):
         return where == self.address and "calibration=" not in options
 
     def fit(self, screen: Screen) -> AffineFit:
-        """The mapping to mm on that panel. Raises EstimateError."""
+        """The mapping to mm. Raises EstimateError."""
         return fit_touches(np.array(self.x_raw), np.array(self.y_raw), screen)
 
     def recorded(self, screen: Screen) -> TouchCalibration:
-        """The calibration as in a session file. Raises EstimateError."""
+        """The calibration for a session file. Raises EstimateError."""
         x_raw, y_raw = np.array(self.x_raw), np.array(self.y_raw)
         return as_recorded(self.fit(screen), x_raw, y_raw, screen, self.device, self.made_utc)
 
 
 class PanelSettings(_Table):
-    """The screen under test, as measured; missing sizes are the preset's."""
+    """The screen under test; missing sizes are the preset's."""
 
     preset: str = "screen-1"
     width_mm: Positive | None = None
@@ -107,12 +107,12 @@ class PanelSettings(_Table):
         return Stylus(self.stylus_mm)
 
     def beam(self) -> Beam | None:
-        """The beam as measured; None: the middle of the screen."""
+        """The beam; None: the middle of the screen."""
         return None if self.beam_intercept_mm is None else Beam(self.beam_slope, self.beam_intercept_mm)
 
 
 class Settings(_Table):
-    """All settings. ``first_start``: until the operator has chosen a rig."""
+    """``first_start``: until the operator has chosen a rig."""
 
     first_start: bool = True
     theme: Literal["dark", "light", "system"] = "dark"
@@ -144,7 +144,7 @@ class Settings(_Table):
         return {name: text for name, text in (known | self.fields).items() if text}
 
     def touched_screen(self) -> Screen:
-        """The screen that is touched, a simulated rig's own if any. Raises DraglagError."""
+        """The screen under test, or the simulated rig's. Raises DraglagError."""
         address = self.rig.touch
         if address.startswith("sim:"):
             return rig_for_screen(parse_address(address).options.get("screen", self.panel.preset)).screen
@@ -152,15 +152,15 @@ class Settings(_Table):
 
 
 def settings_path() -> Path:
-    """Path of the settings, or ``DRAGLAG_SETTINGS``."""
+    """``DRAGLAG_SETTINGS``, or a file in the user's config folder."""
     given = os.environ.get("DRAGLAG_SETTINGS")
     return Path(given) if given else user_config_path("draglag") / "settings.toml"
 
 
 def load_settings(path: Path) -> tuple[Settings, str]:
-    """Settings and a sentence for the operator, empty when all is well. Never raises: defaults replace invalid values.
+    """Settings, and a sentence on what is wrong, else empty. Never raises.
 
-    The sentence names those; a copy of the file is kept, since the next change overwrites it.
+    Defaults replace invalid values; an invalid file is copied, since the next change overwrites it.
     """
     if not os.path.exists(path):
         return Settings(), ""
@@ -208,7 +208,6 @@ def _without(known: dict[str, Any], places: Iterable[tuple[int | str, ...]]) -> 
 
 
 def _kept(path: Path) -> str:
-    """Copy an invalid file before it is overwritten; a sentence about it."""
     copy = path.with_name(path.name + ".unusable")
     try:
         copy.write_bytes(read_bytes(path, DOCUMENT_BYTES))

@@ -1,4 +1,4 @@
-"""From settings and protocol to a recording: obstacles and the order."""
+"""From settings and protocol to a recording."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def tr(text: str) -> str:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """An obstacle to measuring.
+    """What stands in the way of measuring.
 
     Attributes:
-        page: where it is resolved, and the step it belongs to.
-        short: what to do in a few words ("choose touchscreen and laser sensor").
-        sentence: the same for whoever asked to begin.
-        hopeless: nothing can be recorded until it is resolved.
+        page: where it is resolved.
+        short: what to do, in a few words.
+        sentence: the same, whole.
+        hopeless: nothing can be recorded before.
     """
 
     page: str
@@ -45,7 +45,7 @@ class Obstacle:
 
 
 def obstacles(space: Workspace) -> list[Obstacle]:
-    """Obstacles to measuring, the first to resolve first."""
+    """Obstacles, the first to resolve first."""
     rig, protocol = space.settings.rig, space.protocol
     found = []
     names = {"touch": tr("touchscreen"), "laser": tr("laser")}
@@ -66,7 +66,6 @@ def obstacles(space: Workspace) -> list[Obstacle]:
 
 
 def _misplaced(space: Workspace) -> list[str]:
-    """Problems of the participant's screen, as far as the desktop knows."""
     settings = space.settings
     if settings.rig.touch.startswith("sim:") or not settings.rig.display.startswith("screen"):
         return []  # nobody's hand follows the target, and the simulated panel cannot be changed
@@ -82,7 +81,7 @@ def _misplaced(space: Workspace) -> list[str]:
 
 
 def make_order(space: Workspace) -> Order:
-    """The order that settings and protocol give. Raises DraglagError."""
+    """The order by settings and protocol. Raises DraglagError."""
     settings, protocol = space.settings, space.protocol
     rig = make_rig(
         settings.rig.addresses(), settings.panel.preset, protocol.seed, settings.rig.fast and settings.rig.simulated
@@ -102,14 +101,13 @@ def make_order(space: Workspace) -> Order:
 
 
 def session_path(settings: Settings, protocol: str, screen: str) -> Path:
-    """Where a session that begins now would be saved. Raises DataError for an invalid template."""
+    """Where a session that begins now would be saved. Raises DataError."""
     folder, now = Path(settings.folder), datetime.now()
     details = dict.fromkeys(settings.fields, "") | settings.details()  # the template may name a field left empty
     return file_name(folder, settings.file_template, protocol, screen, details, now)
 
 
 def _calibrate(rig: Rig, settings: Settings, screen: Screen) -> TouchCalibration | None:
-    """Give the touchscreen the operator's calibration, if any. Raises EstimateError."""
     made = settings.panel.calibration
     used = made if made is not None and made.serves(settings.rig.touch) else None
     if used is None:
@@ -120,7 +118,7 @@ def _calibrate(rig: Rig, settings: Settings, screen: Screen) -> TouchCalibration
 
 
 def with_source(protocol: Protocol) -> Protocol:
-    """The protocol with its TOML text, for the session file."""
+    """The protocol with its TOML text."""
     from draglag_app.windows.protocol_text import to_toml
 
     return protocol.model_copy(update={"source": to_toml(protocol)})

@@ -1,4 +1,4 @@
-"""The steps to a measurement across the top of the window."""
+"""The steps to a measurement."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def tr(text: str) -> str:
 
 @dataclass(frozen=True)
 class Step:
-    """One step. ``missing``: empty when done; ``blocks``: nothing can be recorded without it; ``next``: to do now."""
+    """``missing``: empty when done; ``blocks``: nothing can be recorded without it; ``next``: to do now."""
 
     page: str
     missing: str = ""
@@ -37,7 +37,7 @@ class Step:
 
 
 def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ...]:
-    """The four steps. ``faults``: of instruments, by a check, a sentence each."""
+    """The four steps; ``faults``: of instruments."""
     made = []
     for page in STEPS:
         here = [obstacle for obstacle in found if obstacle.page == page]

@@ -1,4 +1,4 @@
-"""The window's title, and the source of its figures."""
+"""The window's title, and its figures' source."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def window_title(space: Workspace) -> str:
 
 
 def figure_source(space: Workspace) -> str:
-    """The line under a figure: its session, or the file being recorded."""
+    """The line under a figure."""
     if space.recording.active and space.recording.order is not None:
         now = datetime.now(UTC).isoformat(timespec="seconds")
         return Source(space.recording.order.out.name, now, space.simulated).line()

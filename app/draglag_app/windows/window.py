@@ -1,4 +1,4 @@
-"""The operator's window: header, navigation, pages, notices."""
+"""The operator's window."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _NARROW_PX = 1100
 
 
 class OperatorWindow(QMainWindow):
-    """The operator's station."""
+    """Header, navigation, pages, notices."""
 
     def __init__(self, settings: Settings, settings_file: Path) -> None:
         super().__init__()
@@ -187,7 +187,7 @@ class OperatorWindow(QMainWindow):
         self.notify("info", self.tr("Redone: {what}").format(what=what))
 
     def ask(self, action: str) -> None:
-        """Do the action of that id, as its key would."""
+        """Do the action of that id."""
         self.actions_table.made[action].trigger()
 
     def go(self, name: str) -> None:
@@ -202,7 +202,7 @@ class OperatorWindow(QMainWindow):
         page.setFocus()
 
     def notify(self, level: str, text: str) -> None:
-        """Show a sentence: "info", "warning" or "error"; an empty one clears it."""
+        """As ``NoticeStrip.notify``."""
         self.notice.notify(level, text)
 
     def open_file(self, path: Path) -> None:
@@ -215,7 +215,7 @@ class OperatorWindow(QMainWindow):
             self.space.open(path, lambda: self.go("results"))
 
     def restore(self) -> None:
-        """Restore size, place and page of the last time."""
+        """Restore size, place and page."""
         settings = self.space.settings
         if settings.geometry:
             self.restoreGeometry(QByteArray.fromBase64(settings.geometry.encode()))
@@ -234,11 +234,11 @@ class OperatorWindow(QMainWindow):
     # --- recording ------------------------------------------------------------------------------------------
 
     def start(self, asked: bool = False) -> None:
-        """Begin to measure; if something is missing, ask, with No as the default. ``asked``: see ``begin``."""
+        """As ``begin``."""
         begin(self, asked)
 
     def help_here(self) -> None:
-        """Show the manual's section on the page in sight."""
+        """Show the manual's section on the present page."""
         title = self.pages[self.page][0]
         self.go("help")
         page = self.pages["help"][1]
@@ -294,7 +294,7 @@ class OperatorWindow(QMainWindow):
 
     @property
     def page(self) -> str:
-        """The name of the page in sight."""
+        """The name of the present page."""
         shown = self.stack.currentWidget()
         return next((name for name, (_, page) in self.pages.items() if page is shown), "bench")
 
@@ -355,7 +355,6 @@ class OperatorWindow(QMainWindow):
         self.navigation.set_narrow(self.width() < wide(_NARROW_PX))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Let Return press a focused button, as in dialogs; Qt gives that to the space bar alone."""
         focus = self.focusWidget()
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and isinstance(focus, QPushButton):
             focus.click()
@@ -374,7 +373,7 @@ class OperatorWindow(QMainWindow):
         event.accept()
 
     def end(self) -> None:
-        """Stop, save and leave without a question: nobody may be there to answer."""
+        """Stop, save and leave without a question."""
         self.shut_down()
         QApplication.exit()
 

@@ -1,4 +1,4 @@
-"""What pages share: settings, protocol, session and estimates; signals announce changes."""
+"""What pages share."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Edit(QUndoCommand):
 
 
 class Workspace(QObject):
-    """One per window."""
+    """Settings, protocol, session and estimates of a window; signals announce changes."""
 
     settings_changed = Signal()
     protocol_changed = Signal()
@@ -137,7 +137,7 @@ class Workspace(QObject):
         self.analyse()
 
     def analyse(self) -> None:
-        """Estimate everything again with the present options."""
+        """Estimate again with the present options."""
         session, options = self.session, self.options
         if session is None:
             return
@@ -156,14 +156,14 @@ class Workspace(QObject):
         self._change_runs(self.tr("exclude {run}").format(run=run_id), before, after)
 
     def include(self, run_id: str) -> None:
-        """Use a run in the curve that was left out, by hand or by its outcome; undoable."""
+        """Use a run in the curve that was left out; undoable."""
         before = self.options
         left_out = {key: why for key, why in before.exclude.items() if key != run_id}
         after = replace(before, exclude=left_out, include=before.include | {run_id})
         self._change_runs(self.tr("include {run}").format(run=run_id), before, after)
 
     def comment(self, run_id: str, text: str) -> None:
-        """Comment on a run, kept with the results; empty removes it; undoable."""
+        """Comment on a run; empty removes it; undoable."""
         before = dict(self.comments)
         after = {key: said for key, said in {**before, run_id: text}.items() if said}
         if after != before:
@@ -182,7 +182,7 @@ class Workspace(QObject):
             self.undo.push(Edit(what, lambda: to(after), lambda: to(before)))
 
     def keep_analysis(self) -> None:
-        """Store the present analysis in the session's file."""
+        """Store the analysis in the session's file."""
         path, analysis = self.path, self.analysis
         if path is None or analysis is None:
             return
@@ -225,7 +225,7 @@ class Workspace(QObject):
 
 
 def kept_comments(path: Path) -> dict[str, str]:
-    """Run → comment, as last stored with results; none where unreadable."""
+    """Run → comment, as last stored; empty where unreadable."""
     try:
         stored = read_analyses(path)
     except DraglagError:

@@ -1,4 +1,4 @@
-"""The operator's pages, one file each; they compute nothing."""
+"""The operator's pages."""
 
 from __future__ import annotations
 

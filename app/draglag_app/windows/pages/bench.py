@@ -1,4 +1,4 @@
-"""Bench: instruments in use, whether they work, and what to do if not."""
+"""Bench: the instruments in use."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DISPLAY_PX = 380
 
 @dataclass(frozen=True)
 class Checked:
-    """Result of checking one device: a light's state and a sentence."""
+    """A light's state and a sentence on one device."""
 
     role: str
     state: str
@@ -39,7 +39,7 @@ class Checked:
 
 
 def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Progress) -> list[Checked]:
-    """Results of opening and briefly reading each device; faults are sentences, not exceptions."""
+    """Results of opening and reading each device; faults are sentences, not exceptions."""
     out = []
     for k, (role, address) in enumerate(addresses.items()):
         progress(k / len(addresses), address)
@@ -70,7 +70,7 @@ def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Pro
 
 
 class BenchPage(QWidget):
-    """One row per role; below, other devices of this computer."""
+    """A row per role; below, the devices of this computer."""
 
     checked = Signal(object)
     asks = Signal(str)
@@ -245,7 +245,7 @@ class BenchPage(QWidget):
         self.list.setHtml("<br>".join(rows))
 
     def check(self) -> None:
-        """Open every chosen device and read briefly."""
+        """Check every chosen device."""
         rig, panel = self._space.settings.rig, self._space.settings.panel
         addresses = rig.addresses()
         if not addresses:

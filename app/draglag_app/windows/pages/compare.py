@@ -1,4 +1,4 @@
-"""Compare: sessions and screens, and how their curves differ."""
+"""Compare: differences between curves."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _FOR_LEGEND = 0.35
 
 
 class ComparePage(QWidget):
-    """Sessions are compared with the first in the list."""
+    """Compares sessions with the first in the list."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -88,7 +88,7 @@ class ComparePage(QWidget):
         ask_open_several(self, self.tr("Add sessions"), folder, self.tr("Sessions (*.h5)"), self.add_files)
 
     def add_files(self, paths: list[Path]) -> None:
-        """Read and analyse session files in a worker, then show them."""
+        """Read and analyse in a worker, then show."""
 
         def work(progress: Progress) -> list[tuple[Analysis, str]]:
             out = []
@@ -108,7 +108,6 @@ class ComparePage(QWidget):
             self._add([(self._space.analysis, path.name if path is not None else "")])
 
     def _add(self, named: list[tuple[Analysis, str]]) -> None:
-        """Add sessions, each with its file's name, as sessions may share one."""
         self._shown += [new for new in named if all(new[0] is not old for old, _ in self._shown)]
         self._draw()
 

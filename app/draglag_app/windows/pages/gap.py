@@ -1,7 +1,4 @@
-"""Gap: where simulation and measurement differ, and which effects close it.
-
-Present only if the library can close the gap.
-"""
+"""Gap: where simulation and measurement differ, and why."""
 
 from __future__ import annotations
 
@@ -43,7 +40,7 @@ State = tuple[frozenset[str], tuple[str, ...]]
 
 
 class GapPage(QWidget):
-    """Find, name, add, shrink: one row per effect."""
+    """Finds, adds and removes effects."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -116,7 +113,7 @@ class GapPage(QWidget):
         return panel
 
     def start(self) -> None:
-        """Close the gap in another process: it takes a minute and can be cancelled."""
+        """Close the gap in another process, cancellable."""
         session, without, added = self._space.session, self._without, self._added
         if session is None or self._task is not None:
             return
@@ -148,7 +145,6 @@ class GapPage(QWidget):
         self._task = self._space.tasks.start(self.tr("Explaining the gap"), work, done, self._failed)
 
     def _start_from(self) -> Any:
-        """A report with fewer effects added by hand, to continue; None if none."""
         for n in range(len(self._added) - 1, -1, -1):
             known = self._known.get((self._without, self._added[:n]))
             if known is not None:
@@ -173,14 +169,12 @@ class GapPage(QWidget):
             self._explain(effect)
 
     def _explain(self, effect: str) -> None:
-        """Explain an effect above the remarks: tooltips are out of a keyboard's reach."""
         known = self._report
         lines = remarks(known, self._added, self._without) if known is not None and "steps" in known else []
         first = [f"{effect_name(effect)}: {effect_meaning(effect)}"] if effect else []
         self.remarks.show_text("\n".join(first + lines))
 
     def _add(self) -> None:
-        """Add the chosen effect, of fitted size; undoable."""
         effect = str(self.choice.currentData())
         there = {step["effect"] for step in self._report["steps"]} if self._report else set()
         if effect in there:
@@ -210,7 +204,7 @@ class GapPage(QWidget):
         ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"), write)
 
     def write_report(self) -> None:
-        """Write the page with figures."""
+        """Ask for a file and write the page with figures."""
         session, found = self._space.session, self._report.get("report") if self._report else None
         if session is None or found is None:
             self._space.noticed.emit("info", self.tr("Explain the gap first: there is nothing to report yet."))
@@ -229,7 +223,6 @@ class GapPage(QWidget):
         ask_save(self, self.tr("Write gap report"), start, "*.html", begin)
 
     def _tasks_changed(self) -> None:
-        """Reset the buttons after a cancelled task, which reports nothing."""
         if self._task is not None and self._task not in self._space.tasks.running:
             if self._task.cancelled:
                 self._say("", self.tr("Cancelled."))
@@ -248,7 +241,6 @@ class GapPage(QWidget):
         self.remove_button.setText(self.tr("All effects") if all_again else self.tr("Remove effect"))
 
     def _remove(self) -> None:
-        """Remove the chosen effect and fit again; without a choice, allow all again; undoable."""
         row, effect = self.table.chosen()
         if row < 0:
             names = ", ".join(sorted(map(effect_name, self._without)))
@@ -287,7 +279,7 @@ class GapPage(QWidget):
         self._say("", hint if ready else self.tr("Measure or open a session first."))
 
     def show_report(self, report: dict[str, Any]) -> None:
-        """Show the JSON of a gap report."""
+        """Show a gap report's JSON."""
         self._report, self._shown = report, (self._without, self._added)
         level = {"no_gap": "ok", "explained": "ok"}.get(str(report["verdict"]), "warning")
         text = headline(report) if report["verdict"] else "; ".join(map(in_words, report.get("missing", ())))

@@ -1,4 +1,4 @@
-"""Geometry: the screen in millimetres, stylus, beam, and a ruler to check them."""
+"""Geometry: screen, stylus and beam in mm."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _DISAGREE = 0.02
 
 
 class GeometryPage(QWidget):
-    """Numbers on the left, a drawing true to scale on the right."""
+    """Numbers, and a drawing true to scale."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -229,7 +229,6 @@ class GeometryPage(QWidget):
         self._change(panel.model_copy(update={"calibration": calibration}))
 
     def _correct(self) -> None:
-        """Scale the stated size by the measured bar: a longer one means a bigger screen."""
         panel = self._space.settings.panel
         screen, factor = panel.screen(), self.measured.value() / BAR_MM
         sizes = {"width_mm": round(screen.width_mm * factor, 1), "height_mm": round(screen.height_mm * factor, 1)}

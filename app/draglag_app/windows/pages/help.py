@@ -1,4 +1,4 @@
-"""Help: the manual and the list of keys."""
+"""Help: the manual and the keys."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ABOVE_PX = 8  # room above the section that was asked for
 
 
 class HelpPage(QWidget):
-    """Contents and search, the manual, the keys."""
+    """Contents, search, manual, keys."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -79,11 +79,10 @@ class HelpPage(QWidget):
         self.restyle_plots()
 
     def focusInEvent(self, event: QFocusEvent) -> None:
-        """Focus the manual; with a focus proxy, Tab would skip what precedes it."""
         self.manual.setFocus(event.reason())
 
     def restyle_plots(self) -> None:
-        """Set the text again, in the present theme."""
+        """Draw in the present theme."""
         self.manual.show_markdown(manual_text(language_of(self._space.settings.language)))
         _give_air(self.manual.document())
         self.contents.blockSignals(True)
@@ -106,7 +105,7 @@ class HelpPage(QWidget):
         self.keys.setHtml(f"<h3>{title}</h3><table cellspacing='0'>{rows}</table>")
 
     def show_section(self, title: str) -> None:
-        """Scroll to the section of that title, if any."""
+        """Scroll to that section, if any."""
         for known, position in sections(self.manual.document()):
             if known == title:
                 cursor = QTextCursor(self.manual.document())
@@ -119,7 +118,7 @@ class HelpPage(QWidget):
                 bar.setValue(bar.value() + top - _ABOVE_PX)
 
     def look_for(self, text: str, again: bool) -> bool:
-        """Whether the text occurs; go to its next place, from the top after the last."""
+        """Whether the text occurs; goes to its next place, after the last to the first."""
         cursor = self.manual.textCursor()
         if not again:
             cursor.setPosition(cursor.selectionStart())
@@ -135,7 +134,7 @@ class HelpPage(QWidget):
 
 
 def sections(document: QTextDocument) -> list[tuple[str, int]]:
-    """(title, position) of every section of a manual."""
+    """(title, position) of every section."""
     found, block = [], document.begin()
     while block.isValid():
         if block.blockFormat().headingLevel() == 2:
@@ -145,7 +144,6 @@ def sections(document: QTextDocument) -> list[tuple[str, int]]:
 
 
 def _give_air(document: QTextDocument) -> None:
-    """Space paragraphs: Markdown comes without."""
     cursor, block = QTextCursor(document), document.begin()
     while block.isValid():
         shape = block.blockFormat()

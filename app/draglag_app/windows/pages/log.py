@@ -1,4 +1,4 @@
-"""Log: all notices, newest last."""
+"""Log: all notices."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST_ROWS = 5000
 
 
 class LogPage(QWidget):
-    """A growing table; the choice above hides unimportant rows."""
+    """A table of notices, filtered by level."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -1,4 +1,4 @@
-"""Preferences: looks, language, folder, behaviour between runs."""
+"""Preferences of the operator."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from draglag_app.windows.workspace import Workspace
 
 
 class PreferencesPage(QWidget):
-    """Every change is saved at once."""
+    """Saves every change at once."""
 
     theme_chosen = Signal(str)
 

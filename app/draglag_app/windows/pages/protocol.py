@@ -1,4 +1,4 @@
-"""Protocol: the runs, their duration and expected precision."""
+"""Protocol: the runs, their duration and precision."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KINDS = ("circle", "chirp", "multisine", "step")
 
 
 class ProtocolPage(QWidget):
-    """Every edit makes a new protocol, checked by the library's model; undoable."""
+    """Every edit makes a new, checked protocol; undoable."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)

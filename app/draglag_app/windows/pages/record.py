@@ -1,4 +1,4 @@
-"""Record: the run as it happens, readable from two metres."""
+"""Record: the run as it happens."""
 
 from __future__ import annotations
 
@@ -101,7 +101,6 @@ class RecordPage(QWidget):
         return self.about_row
 
     def _ask(self, action: str) -> None:
-        """Emit an action; the button of an obstacle goes to its page."""
         self.asks.emit(f"go_{self._mends_on()}" if action == "mend" else action)
 
     def _mends_on(self) -> str:
@@ -124,7 +123,7 @@ class RecordPage(QWidget):
     # --- state ----------------------------------------------------------------------------------------------
 
     def set_recording(self, recording: bool) -> None:
-        """Show the buttons of the state; called when a session begins and ends."""
+        """Show the state of a session that began or ended."""
         self.about_row.setVisible(not recording)
         self.band.set_recording(recording)
         self.now.set_recording(recording)
@@ -144,17 +143,17 @@ class RecordPage(QWidget):
             self._show_idle()
 
     def show_outcome(self, path: Path | None, problem: str) -> None:
-        """Show how a session ended that did not record all, until the next or another rig."""
+        """Show why a session ended early, until the next or another rig."""
         if problem:
             title = self.tr("Nothing was recorded") if path is None else self.tr("Ended early")
             self._outcome = (title, in_words(problem))
 
     def forget_outcome(self) -> None:
-        """Forget the outcome: another rig or protocol was chosen."""
+        """Forget that."""
         self._outcome = None
 
     def show_readiness(self, missing: list[Obstacle], faults: list[str]) -> None:
-        """Show obstacles to measuring, and faults of instruments."""
+        """Show obstacles, and faults of instruments."""
         self._missing, self._faults = missing, faults
         if not self._space.recording.active:
             self._show_idle()
@@ -229,7 +228,6 @@ class RecordPage(QWidget):
         self._show_rest()
 
     def _show_rest(self) -> None:
-        """The verdict on the last run in the largest letters, the rest counted down below."""
         control, first = self._space.recording.control, not self.table.rowCount()
         again = control is not None and control.repeating and not first
         left_s = self._rest_until_s - time.monotonic()
@@ -238,7 +236,6 @@ class RecordPage(QWidget):
         self.band.say(verdict or self.tr("Rest"), rest_words(left_s, session_s, first, again, more), level)
 
     def _verdict(self) -> tuple[str, str, str]:
-        """(level, words, more) on the last run; empty without an estimate."""
         live = self._space.live
         if self._ended is None:
             return "", "", ""
@@ -251,7 +248,6 @@ class RecordPage(QWidget):
         return ("", "", "") if found is None else verdict_words(found, found.id in live.preliminary, queued)
 
     def _run_queued(self, event: events.RunQueued) -> None:
-        """Make the repeat of a run undoable: Ctrl+Z takes it from the queue."""
         control = self._space.recording.control
         if control is not None:
             what = self.tr("record {run} again at the end").format(run=event.run_id)

@@ -1,4 +1,4 @@
-"""Results: latency against speed, and the run behind each point."""
+"""Results: the curve and its runs."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _RATES = (None, 60.0, 100.0, 120.0, 200.0)
 
 
 class ResultsPage(QWidget):
-    """Curve and table of runs on the left, the selected run on the right."""
+    """Curve, table of runs, and the selected run."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -100,7 +100,6 @@ class ResultsPage(QWidget):
         return row
 
     def _ask_comment(self) -> None:
-        """Ask for a comment on the selected run; empty removes it; undoable."""
         run = self._chosen
         if not run:
             return
@@ -114,7 +113,6 @@ class ResultsPage(QWidget):
         dialog.open()
 
     def _parts(self) -> QSplitter:
-        """Curve above table, the run next to both; with large text the table has the whole width."""
         large = wide(100) > LARGE_TEXT
         within, across = Qt.Orientation.Vertical, Qt.Orientation.Horizontal
         inner = QSplitter(across if large else within)

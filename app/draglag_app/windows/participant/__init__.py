@@ -1,1 +1,1 @@
-"""The screen under test: what is shown where, and what was drawn when."""
+"""The participant's screen."""

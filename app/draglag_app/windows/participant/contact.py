@@ -11,7 +11,7 @@ LOST_AFTER_S = 0.35
 class Contact:
     """Follows the kernel's contacts; without them, the age of touches decides.
 
-    A stylus at rest gives no touches but is on the screen.
+    A stylus at rest gives no touches.
     """
 
     def __init__(self) -> None:
@@ -19,7 +19,7 @@ class Contact:
         self._reported = False
 
     def take(self, event: SamplesArrived) -> bool:
-        """Whether the stylus is on the screen, after these samples."""
+        """Whether the stylus is on the screen after these samples."""
         changes = None if event.batch is None else event.batch.contacts
         if changes is not None:
             self._reported = self._reported or len(changes.down) > 0

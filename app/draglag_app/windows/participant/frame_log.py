@@ -1,4 +1,4 @@
-"""What was drawn on the participant's screen, and when."""
+"""What was drawn for the participant, and when."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from draglag.recording import DisplayTrace
 
 
 class FrameLog:
-    """Times and positions drawn; written by the window, read by the session's thread."""
+    """Written by the window, read by the session's thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -28,7 +28,7 @@ class FrameLog:
             self._missed = 0
 
     def take(self, until_s: float) -> DisplayTrace:
-        """Frames up to that time, and slots missed since the last call."""
+        """Frames up to ``until_s``, and those missed since the last call."""
         with self._lock:
             k = sum(frame[0] <= until_s for frame in self._frames)
             table = np.array(self._frames[:k]).reshape(-1, 3)

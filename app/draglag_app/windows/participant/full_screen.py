@@ -1,4 +1,4 @@
-"""The participant's window on a whole screen."""
+"""A window on a whole screen."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ _MOST_TRIES = 5
 class FullScreen(QObject):
     """Fills a screen with a window.
 
-    X desktops drop the state of a hidden window, even if set again: shown, it may have a title bar. Then full screen is
-    requested again.
+    X desktops drop the full-screen state of a hidden window: it is requested again.
     """
 
     def __init__(self, window: QWidget) -> None:
@@ -24,7 +23,7 @@ class FullScreen(QObject):
         window.installEventFilter(self)
 
     def fill(self, screen: QScreen) -> None:
-        """Show the window on the whole of that screen."""
+        """Show the window on the whole screen."""
         self._tries = _MOST_TRIES
         self._window.setScreen(screen)
         self._window.setGeometry(screen.geometry())

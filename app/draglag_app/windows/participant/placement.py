@@ -1,4 +1,4 @@
-"""Whether the stated screen under test matches the participant's screen as it stands now."""
+"""Whether the screen under test matches the participant's screen."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def tr(text: str) -> str:
 
 
 def turned(screen: Screen) -> Screen:
-    """The same screen on its side."""
+    """The screen on its side."""
     return replace(
         screen, width_mm=screen.height_mm, height_mm=screen.width_mm, width_px=screen.height_px,
         height_px=screen.width_px,
@@ -27,8 +27,7 @@ def turned(screen: Screen) -> Screen:
 
 
 def turned_panel(panel: PanelSettings) -> PanelSettings:
-    """The panel on its side, without beam and calibration, which no longer hold. Raises DataError where the preset is
-    gone."""
+    """The panel on its side, without beam and calibration, which no longer hold. Raises DataError."""
     screen = turned(panel.screen())
     sizes = {key: getattr(screen, key) for key in ("width_mm", "height_mm", "width_px", "height_px")}
     gone = {"beam_slope": 0.0, "beam_intercept_mm": None, "calibration": None}
@@ -36,7 +35,7 @@ def turned_panel(panel: PanelSettings) -> PanelSettings:
 
 
 def shape_problem(panel: Screen, shown_on: QScreen) -> str:
-    """Why lengths on that screen would be wrong; empty if they are right."""
+    """Why lengths on that screen would be wrong; empty if right."""
     size = shown_on.size()
     factor = (panel.width_mm / panel.height_mm) / (size.width() / size.height())
     if abs(factor - 1.0) <= _SHAPE:
@@ -53,7 +52,7 @@ def shape_problem(panel: Screen, shown_on: QScreen) -> str:
 def axes_problem(calibrated: bool, shown_on: QScreen) -> str:
     """Why touches would not match the picture; empty if they do.
 
-    A desktop turns the picture, not the kernel's axes: a calibration maps them.
+    A desktop turns the picture, not the kernel's axes.
     """
     upright = shown_on.nativeOrientation()
     if upright == Qt.ScreenOrientation.PrimaryOrientation:

@@ -1,4 +1,4 @@
-"""On a single monitor, the operator's controls in a rest, on the participant's screen."""
+"""The operator's controls in a rest, on a shared monitor."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def tr(text: str) -> str:
 
 
 class RestBar(QFrame):
-    """State, note and buttons; hidden while a target is shown, which nothing may cover.
+    """State, note and buttons; hidden while a target is shown.
 
     ``noted(text)``: a note was written. ``pressed(action id)``: "proceed" or "go_record".
     """
@@ -62,7 +62,7 @@ class RestBar(QFrame):
         self.state.setText(" · ".join(part for part in (big, small) if part))
 
     def offer(self) -> None:
-        """Show the bar: a rest has begun."""
+        """Show the bar."""
         self._stand_below()
         self.show()
 

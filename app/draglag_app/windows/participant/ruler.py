@@ -1,4 +1,4 @@
-"""A bar of known length on the screen under test, to check with a ruler."""
+"""A bar of known length, to check with a ruler."""
 
 from __future__ import annotations
 

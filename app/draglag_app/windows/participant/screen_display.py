@@ -1,4 +1,4 @@
-"""The session's display on a participant window: called from the session's thread, drawn in the windows'."""
+"""The session's display on a participant's window."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from draglag_app.windows.participant.window import ParticipantWindow
 
 
 class ScreenDisplay(QObject):
-    """Thread-safe: calls are queued to the window; frames come back through its log."""
+    """Called from the session's thread; the window draws in its own."""
 
     _show = Signal(object, float)
     _prompt = Signal(object)
@@ -76,7 +76,7 @@ class WatchedDisplay:
 
 
 def numbered_screen(number: int) -> QScreen:
-    """The screen of that number, from 1. Raises DataError that lists those present."""
+    """The screen of that number, from 1. Raises DataError."""
     screens = QGuiApplication.screens()
     if not 1 <= number <= len(screens):
         known = ", ".join(f"{k} ({s.name()} {s.size().width()}×{s.size().height()})" for k, s in enumerate(screens, 1))
@@ -89,10 +89,10 @@ def numbered_screen(number: int) -> QScreen:
 def record_on_screen(
     number: int, measure: Callable[[Display], Path], panel: Screen | None = None, control: Control | None = None
 ) -> Path:
-    """The result of ``measure`` with the participant's window on that screen, from the command line.
+    """The result of ``measure``, with the participant's window on that screen. Raises what ``measure`` raises,
+    DataError.
 
-    ``panel``: the screen under test; None takes the desktop's size. Raises what ``measure`` raises, and DataError for a
-    missing screen. Esc there aborts the present run of ``control``'s session; Ctrl-C ends the session properly.
+    ``panel``: the screen under test; None takes the desktop's size. Esc aborts the run of ``control``'s session.
     """
     from draglag_app.windows.application import make_application
 

@@ -1,4 +1,4 @@
-"""Places the participant's window next to the operator's."""
+"""The participant's window next to the operator's."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ _SHARE = 0.4
 
 
 def places(screen: QRect, operator: QRect, ratio: float) -> tuple[QRect, QPoint]:
-    """Places of both windows, with frames.
+    """Place of the participant's window and corner of the operator's, with frames.
 
-    ``screen``: usable area of the desktop; ``ratio``: the display's height over width. Next to the operator's window;
-    else that one moves to the left edge or the top; else the display is small, in the lower right corner over tables,
-    so that state and buttons stay visible.
+    ``screen``: usable area; ``ratio``: height over width. Without room next to the operator's window, the participant's
+    is small, in the lower right corner.
     """
     for corner in (operator.topLeft(), QPoint(screen.left(), operator.top()), QPoint(operator.left(), screen.top())):
         moved = QRect(corner, operator.size())
@@ -48,7 +47,7 @@ def _fit(room: QSize, ratio: float) -> QSize:
 
 
 def place_side_by_side(participant: QWidget, operator: QWidget, ratio: float) -> None:
-    """Open the participant's window where neither window covers the other's essentials."""
+    """Show the participant's window next to the operator's."""
     screen = operator.screen().availableGeometry()
     place, corner = places(screen, operator.frameGeometry(), ratio)
     if corner != operator.pos() and not (operator.isMaximized() or operator.isFullScreen()):
@@ -60,7 +59,7 @@ def place_side_by_side(participant: QWidget, operator: QWidget, ratio: float) ->
 
 
 def operators_window(known: QObject) -> QWidget | None:
-    """The window that owns a session's or calibration's controller, or None."""
+    """The window that owns this object, or None."""
     owner: QObject | None = known
     while owner is not None and not isinstance(owner, QWidget):
         owner = owner.parent()

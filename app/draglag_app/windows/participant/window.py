@@ -1,4 +1,4 @@
-"""What the participant sees: the moving target and short prompts."""
+"""What the participant sees."""
 
 from __future__ import annotations
 
@@ -46,10 +46,9 @@ _GESTURES = frozenset((QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.T
 
 
 class ParticipantWindow(QWidget):
-    """Draws the target by the clock, on an absolute grid of frames, repainting only changes.
+    """Draws the target at its time, on a fixed grid of frames.
 
-    Positions are mm on the screen under test, which the window's area represents: true to size at full screen, whatever
-    scaling or rotation; a smaller window shrinks the picture.
+    Positions are mm on the screen under test, which the window represents: true to size at full screen, else smaller.
     """
 
     aborted = Signal()
@@ -108,7 +107,7 @@ class ParticipantWindow(QWidget):
         self._full_screen.fill(screen)
 
     def show_target(self, target: Target, start_s: float) -> None:
-        """Stand still at the start until ``start_s``, then move."""
+        """Show the target's start; it moves from ``start_s`` on."""
         self.frames.clear()
         self._target, self._start_s, self._slot, self._cross = target, start_s, -1, None
         self._refresh()
@@ -121,7 +120,7 @@ class ParticipantWindow(QWidget):
         self._refresh()
 
     def show_cross(self, x_mm: float, y_mm: float, words: str) -> None:
-        """Show a cross to be touched, with translated ``words``."""
+        """Show a cross to be touched, and ``words``."""
         self._timer.stop()
         self._target, self._cross, self._prompt = None, (x_mm, y_mm), words
         self._refresh()
@@ -131,7 +130,7 @@ class ParticipantWindow(QWidget):
         self._refresh()
 
     def set_practice(self, practice: bool) -> None:
-        """Show practice in another colour, and say so."""
+        """Mark the run as practice."""
         self._practice = practice
         self._refresh()
 
@@ -144,7 +143,6 @@ class ParticipantWindow(QWidget):
     # --- time -----------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        """Draw what is due and wait for the next slot, counted from the target's start."""
         if self._target is None:
             return
         words = self._present_words()
@@ -158,7 +156,7 @@ class ParticipantWindow(QWidget):
         self._timer.start(max(0, math.ceil(1e3 * (next_s - now_s))))
 
     def next_frame_s(self) -> float:
-        """Time until the next frame is due, s; 0 where nothing moves."""
+        """Time until the next frame is due; 0 where nothing moves."""
         return max(0.0, 1e-3 * self._timer.remainingTime()) if self._timer.isActive() else 0.0
 
     def _elapsed_s(self) -> float:
@@ -195,7 +193,6 @@ class ParticipantWindow(QWidget):
         return TARGET_MM / 2 * across, TARGET_MM / 2 * down
 
     def _around(self, x_px: float, y_px: float) -> QRect:
-        """The target's area, with margin for its movement until painted."""
         a, b = self._radius_px()
         return QRectF(x_px - a - 8, y_px - b - 8, 2 * a + 16, 2 * b + 16).toAlignedRect()
 
@@ -255,7 +252,6 @@ class ParticipantWindow(QWidget):
             painter.drawText(area, Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop, text)
 
     def _present_words(self) -> str:
-        """Prompt and explanation; both change seldom, so that the target can be repainted alone."""
         say = QCoreApplication.translate
         if self._target is None:
             return in_words(self._prompt)

@@ -1,1 +1,1 @@
-"""Parts of all pages: fields, buttons, menus, icons, dialogs, work in threads."""
+"""Parts of all pages."""

@@ -1,4 +1,4 @@
-"""Two columns, one below the other in a narrow window."""
+"""Columns that are stacked in a narrow window."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from draglag_app.windows.parts.widgets import Scrolled
 
 
 class Columns(ItemList):
-    """Each column is a widget with its share of the width; stacked, each as high as it needs."""
+    """Widgets side by side, each with its share of the width; stacked, each as high as it needs."""
 
     def __init__(self, spacing_px: int = 10) -> None:
         super().__init__(spacing_px)
         self._shares: list[int] = []
 
     def add_column(self, widget: QWidget, share: int) -> None:
-        """Add a column to the right, or below; without a share it is as narrow as possible."""
+        """Add a column; without a share it is as narrow as possible."""
         self._shares.append(share)
         self.addWidget(widget)
 
@@ -79,7 +79,6 @@ class Columns(ItemList):
 
 
 def _least(item: QLayoutItem, width: int) -> int:
-    """The least height that cuts nothing off."""
     widget = item.widget()
     layout = None if widget is None or isinstance(widget, Scrolled) else widget.layout()
     if layout is not None and layout.hasHeightForWidth():

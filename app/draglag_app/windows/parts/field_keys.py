@@ -1,4 +1,4 @@
-"""Fields that pass undo and redo to the window once their text was accepted."""
+"""Undo and redo with the keyboard in a field."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _NEVER = (QKeySequence.StandardKey.MoveToEndOfLine, QKeySequence.StandardKey.Sel
 
 
 class FieldKeys(QObject):
-    """Watches the fields below a widget; undo and redo are theirs only for text not yet accepted."""
+    """Fields below ``root`` pass these keys to the window once their text is accepted."""
 
     def __init__(self, root: QWidget) -> None:
         super().__init__(root)

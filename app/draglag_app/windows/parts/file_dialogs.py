@@ -1,7 +1,4 @@
-"""Dialogs that do not block, so that a run and its keys go on.
-
-A dialog that waits for its answer is modal to the application, and takes Esc from the participant's screen.
-"""
+"""Dialogs that do not block: a modal one would take Esc from the participant's screen."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ Mode = QFileDialog.FileMode
 
 
 class _FileDialog(QFileDialog):
-    """Its own questions, as on a missing name, are modal only to its window."""
+    """Its own questions are modal only to its window."""
 
     def childEvent(self, event: QChildEvent) -> None:
         super().childEvent(event)
@@ -28,10 +25,10 @@ class _FileDialog(QFileDialog):
 def pick_files(
     parent: QWidget, title: str, start: Path, kind: str, mode: Mode, then: Callable[[list[Path]], None]
 ) -> None:
-    """Show a file dialog and return at once; ``then`` gets the choice, and is not called without one.
+    """Show a file dialog and return; ``then`` gets the choice, if any.
 
-    ``start``: folder to begin in, or for ``Mode.AnyFile`` folder and proposed name; the caller asks about replacing. A
-    window's earlier dialog is closed.
+    ``start``: folder, or for ``Mode.AnyFile`` the proposed path; the caller asks about replacing. Closes the window's
+    earlier dialog.
     """
     window = parent.window()
     close_file_dialogs(window)
@@ -59,13 +56,13 @@ def pick_files(
 
 
 def close_file_dialogs(window: QWidget) -> None:
-    """Close the dialogs, as if cancelled."""
+    """Close the window's dialogs, as if cancelled."""
     for dialog in window.findChildren(QFileDialog, options=Qt.FindChildOption.FindDirectChildrenOnly):
         dialog.close()
 
 
 def ask_whether(parent: QWidget, text: str, then: Callable[[], None]) -> None:
-    """Show a question and return at once; ``then`` is called on Yes. No is the default."""
+    """Show a question and return; ``then`` is called on Yes. No is the default."""
     yes, no = QMessageBox.StandardButton.Yes, QMessageBox.StandardButton.No
     box = QMessageBox(QMessageBox.Icon.Question, "draglag", plain(text), yes | no, parent.window())
     box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)

@@ -6,7 +6,6 @@ from PySide6.QtWidgets import QComboBox, QStyledItemDelegate, QWidget
 
 
 def raise_rows(root: QWidget) -> None:
-    """Give the lists of all boxes below a widget the style sheet's row height, which Qt ignores in boxes without
-    typing."""
+    """Give lists of boxes the style sheet's row height, which Qt ignores in boxes without typing."""
     for box in root.findChildren(QComboBox):
         box.setItemDelegate(QStyledItemDelegate(box))

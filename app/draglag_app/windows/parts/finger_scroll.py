@@ -1,4 +1,4 @@
-"""Scrolling by finger; without it only the narrow bar works."""
+"""Scrolling by finger."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Metric = QScrollerProperties.ScrollMetric
 
 
 def scroll_by_finger(root: QWidget) -> None:
-    """Let scroll areas below a widget be dragged by finger, except plots."""
+    """Let scroll areas below a widget be dragged, except plots."""
     for area in root.findChildren(QAbstractScrollArea):
         if isinstance(area, QGraphicsView):
             continue

@@ -1,4 +1,4 @@
-"""Rows that wrap in a narrow window, or with large text."""
+"""Rows that wrap."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ from draglag_app.windows.parts.item_list import ItemList
 
 
 class Flow(ItemList):
-    """Widgets from left to right, in as many lines as needed.
-
-    ``add_rest`` ends the left part: later widgets stand at the right end of their line.
-    """
+    """Widgets from left to right, in as many lines as needed."""
 
     def __init__(self, spacing_px: int = 8) -> None:
         super().__init__(spacing_px)
@@ -35,7 +32,7 @@ class Flow(ItemList):
         self.addWidget(group)
 
     def add_rest(self) -> None:
-        """Put widgets added later at the right."""
+        """Put widgets added later at the right end of their line."""
         self._right_from = len(self._items)
 
     # --- what a layout must know ----------------------------------------------------------------------------

@@ -1,7 +1,6 @@
 """Garbage collection in the windows' thread alone.
 
-Python collects in whichever thread creates an object, such as device threads. Closed windows lie in reference cycles: a
-widget finalised in another thread ends the program.
+Python collects in whichever thread creates an object; a widget finalised in another thread ends the program.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ _EVERY_MS = 500
 
 
 class Garbage(QObject):
-    """Collects by Python's thresholds, from this thread's event loop, at most twice a second."""
+    """Collects by Python's thresholds, at most twice a second."""
 
     def __init__(self, application: QCoreApplication) -> None:
         super().__init__(application)
@@ -24,7 +23,7 @@ class Garbage(QObject):
         self._timer.start(_EVERY_MS)
 
     def look(self) -> None:
-        """Collect the generations that are due, with all younger ones."""
+        """Collect the generations that are due."""
         limits, counts = gc.get_threshold(), gc.get_count()
         due = [k for k, (count, limit) in enumerate(zip(counts, limits, strict=True)) if 0 < limit < count]
         if due:
@@ -37,6 +36,6 @@ class Garbage(QObject):
 
 
 def collect_in_this_thread(application: QCoreApplication) -> Garbage:
-    """The application's only collector, made on the first call."""
+    """The application's only collector."""
     present = application.findChild(Garbage)
     return present if isinstance(present, Garbage) else Garbage(application)

@@ -1,4 +1,4 @@
-"""A heading with buttons that keeps its height in a narrow window."""
+"""A heading with buttons."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from PySide6.QtWidgets import QGridLayout, QWidget
 
 
 class Heading(QWidget):
-    """``title`` with ``buttons`` next to it and ``below`` under both; where the title would have less than
-    ``title_px``, ``below`` and the buttons swap places."""
+    """``title``, ``buttons`` next to it, ``below`` under both; these two swap places where the title would have less
+    than ``title_px``."""
 
     def __init__(self, title: QWidget, buttons: QWidget, below: QWidget, title_px: int) -> None:
         super().__init__()

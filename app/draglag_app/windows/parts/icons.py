@@ -30,7 +30,7 @@ _folder: tempfile.TemporaryDirectory[str] | None = None
 
 
 def icon_file(name: str, colour: str) -> str:
-    """The icon as a file: style sheets accept only file names."""
+    """The icon as a file: style sheets accept no others."""
     global _folder
     if _folder is None:
         _folder = tempfile.TemporaryDirectory(prefix="draglag-icons-")

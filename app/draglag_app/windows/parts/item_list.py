@@ -1,4 +1,4 @@
-"""Common base of layouts with a list of widgets."""
+"""Base of layouts with a list of widgets."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QLayout, QLayoutItem
 
 
 class ItemList(QLayout):
-    """A layout without margins whose items are a list; subclasses place them."""
+    """A layout without margins; subclasses place its items."""
 
     def __init__(self, spacing_px: int) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""A menu whose entries are reached by typing their beginning; Qt's needs marked letters."""
+"""A menu whose entries are chosen by typing; Qt's needs marked letters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ class LetterMenu(QMenu):
     _since: QElapsedTimer | None = None
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Handle letters, digits and Return; other keys are the menu's."""
         text = event.text()
         if not text.isalnum() or event.modifiers() & _MODIFIED:
             super().keyPressEvent(event)

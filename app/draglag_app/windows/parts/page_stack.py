@@ -1,4 +1,4 @@
-"""Pages in a window of any size, scrolled where too large."""
+"""Pages, scrolled in a small window."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class PageStack(QStackedWidget):
 
 
 class PageScroll(QScrollArea):
-    """Scrolls the visible page in a smaller window, and follows the focus."""
+    """Scrolls the visible page, and follows the focus."""
 
     def __init__(self, stack: PageStack) -> None:
         super().__init__()

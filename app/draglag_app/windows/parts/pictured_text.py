@@ -1,4 +1,4 @@
-"""A text with pictures as wide as the text, at most their own width."""
+"""A text with pictures."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ PICTURE = "\N{OBJECT REPLACEMENT CHARACTER}"
 
 
 class PicturedText(QTextBrowser):
-    """Markdown whose pictures are files relative to one folder."""
+    """Markdown with pictures as wide as the text, at most their own width; files relative to ``folder``."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self._folder = folder
 
     def show_markdown(self, text: str) -> None:
-        """Set the text, with the pictures that exist."""
+        """Set the text."""
         self.setMarkdown(text)
         self._fit()
 

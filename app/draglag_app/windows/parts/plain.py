@@ -1,4 +1,4 @@
-"""Text from files, devices and people, shown without interpreting markup."""
+"""Text from files, devices and people."""
 
 from __future__ import annotations
 

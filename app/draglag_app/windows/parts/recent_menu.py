@@ -16,13 +16,13 @@ MOST = 9
 
 
 def remembered(path: Path, known: Iterable[str]) -> list[str]:
-    """Paths with the opened one first, each once, at most ``MOST``."""
+    """Paths, the opened one first, at most ``MOST``."""
     opened = str(path.absolute())
     return [opened, *(one for one in known if one != opened)][:MOST]
 
 
 class RecentMenu(LetterMenu):
-    """Filled each time it is shown, without files that are gone."""
+    """Filled each time it is shown."""
 
     def __init__(self, parent: QWidget, known: Callable[[], Iterable[str]], chosen: Callable[[Path], object]) -> None:
         super().__init__(QCoreApplication.translate("Actions", "Recent sessions"), parent)
@@ -31,7 +31,7 @@ class RecentMenu(LetterMenu):
         self.aboutToShow.connect(self.fill)
 
     def fill(self) -> None:
-        """Fill in the present list."""
+        """Fill in the files that are there."""
         self.clear()
         there = [path for path in map(Path, self._known()) if path.is_file()]
         for number, path in enumerate(there, 1):

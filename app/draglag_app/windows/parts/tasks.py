@@ -1,4 +1,4 @@
-"""Long work in a worker thread, with progress, cancelled between steps."""
+"""Long work in a worker thread."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Cancelled(Exception):
 
 @dataclass(eq=False)
 class Task:
-    """One piece of work. No QObject, as it must not be deleted while a worker uses it."""
+    """One piece of work. No QObject: it must not be deleted while a worker uses it."""
 
     label: str
     work: Callable[[Progress], Any]
@@ -31,7 +31,7 @@ class Task:
     _cancelled: threading.Event = field(default_factory=threading.Event)
 
     def cancel(self) -> None:
-        """End the work at its next step; nothing more is reported."""
+        """End the work at its next progress call; nothing is reported."""
         self._cancelled.set()
 
     @property
@@ -40,7 +40,7 @@ class Task:
 
 
 class Tasks(QObject):
-    """Starts and lists tasks; signals are emitted in this object's thread."""
+    """Starts and lists tasks; signals come in this object's thread."""
 
     progressed = Signal(float, str)
     changed = Signal()
@@ -62,8 +62,7 @@ class Tasks(QObject):
         done: Callable[[Any], None],
         failed: Callable[[str], None],
     ) -> Task:
-        """The task of ``work(progress)`` in a worker; ``done(result)`` or ``failed(sentence)`` is called in this
-        thread."""
+        """The started task; ``done(result)`` or ``failed(sentence)`` is called in this thread."""
         task = Task(label, work, done, failed)
         self.running.append(task)
         self._pool.start(lambda: self._run(task))
@@ -75,13 +74,11 @@ class Tasks(QObject):
             task.cancel()
 
     def finish(self) -> None:
-        """Cancel everything and wait for the workers."""
+        """Cancel all and wait."""
         self.cancel_all()
         self._pool.waitForDone()
 
     def _run(self, task: Task) -> None:
-        """Runs in the worker's thread."""
-
         def progress(fraction: float, text: str) -> None:
             if task.cancelled:
                 raise Cancelled
@@ -103,7 +100,6 @@ class Tasks(QObject):
         self._ended.emit(task, result, fault)
 
     def _report(self, task: Task, result: Any, fault: str) -> None:
-        """Runs in the window's thread."""
         if task in self.running:
             self.running.remove(task)
         self.changed.emit()

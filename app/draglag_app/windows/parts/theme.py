@@ -1,4 +1,4 @@
-"""Dark and light theme: palettes, the style sheet, and colours of plots."""
+"""Dark and light theme."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Theme:
 
     @property
     def series(self) -> tuple[str, ...]:
-        """Colours of curves in one plot, most distinct first."""
+        """Colours of curves, most distinct first."""
         return self.blue, self.orange, self.green, self.purple, self.sky
 
 
@@ -60,17 +60,17 @@ def theme() -> Theme:
 
 
 def wide(size_px: int) -> int:
-    """A width that holds text, scaled by the chosen text size."""
+    """A width that holds text, by the chosen text size."""
     return round(_scale * size_px)
 
 
 def points(size: float) -> str:
-    """A text size for plots, as "10pt", scaled by the chosen text size."""
+    """A text size as "10pt", by the chosen text size."""
     return f"{_scale * size:g}pt"
 
 
 def apply_theme(application: QApplication, name: str, scale: float | None = None) -> Theme:
-    """Apply the theme of that name; "system" follows the desktop."""
+    """The theme, applied; "system" follows the desktop."""
     global _present, _scale
     _scale = scale or _scale
     if name not in THEMES:

@@ -58,7 +58,7 @@ class Panel(QFrame):
 
 
 class Form(QFormLayout):
-    """Rows of label and field, the label at the field's height."""
+    """Rows of label and field."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -79,9 +79,9 @@ class Form(QFormLayout):
 
 
 class Light(QWidget):
-    """State of one device by colour and shape.
+    """A device's state.
 
-    ○ "off": not in use · ● "ready" · ● with a ring "live" · ▲ "warning" · ■ with a cross "fault".
+    ○ "off" · ● "ready" · ● with a ring "live" · ▲ "warning" · ■ with a cross "fault".
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -150,17 +150,15 @@ def button(text: str, role: str = "", large: bool = False, tip: str = "") -> QPu
 
 
 def table(titles: Sequence[str], stretch: int = 0, single: bool = True) -> QTableWidget:
-    """A table of rows to read and select; see ``set_up_table``."""
+    """A table of rows, as ``set_up_table``."""
     made = QTableWidget()
     set_up_table(made, titles, stretch, single)
     return made
 
 
 def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, single: bool = True) -> None:
-    """Set titles, the column that stretches, and selection of one row or several; cells are read-only.
-
-    Tab leaves the table, for keyboard users.
-    """
+    """Set titles, the column that stretches, and selection of one row or several; cells are read-only, Tab leaves the
+    table."""
     made.setColumnCount(len(titles))
     made.setHorizontalHeaderLabels(list(titles))
     made.verticalHeader().hide()
@@ -180,7 +178,7 @@ def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, si
 
 
 class FirstRow(QObject):
-    """Where no row is selected, an arrow key selects the current one; Qt goes on to the next."""
+    """Without a selected row, an arrow key selects the current one; Qt goes on to the next."""
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         made = self.parent()
@@ -193,7 +191,7 @@ class FirstRow(QObject):
 
 
 class Scrolled(QScrollArea):
-    """A column that scrolls where too high, and follows the focus."""
+    """A column that scrolls, and follows the focus."""
 
     def __init__(self, column: QLayout) -> None:
         super().__init__()
@@ -225,7 +223,7 @@ class Scrolled(QScrollArea):
 
 
 class Shallow(QScrollArea):
-    """A label as high as its text, up to a maximum, then scrolled."""
+    """A label as high as its text, up to ``most_px``, then scrolled."""
 
     def __init__(self, inside: QLabel, most_px: int) -> None:
         super().__init__()
@@ -259,7 +257,7 @@ class Shallow(QScrollArea):
 
 
 class Resting:
-    """Buttons disabled during their work; focus returns to the one that had it, if it moved nowhere else."""
+    """Disables buttons during their work; the focus returns to the one that had it."""
 
     def __init__(self, *buttons: QPushButton) -> None:
         self._buttons = buttons
@@ -287,7 +285,7 @@ def restyle(widget: QWidget, name: str, value: str) -> None:
 
 
 class Fact(QWidget):
-    """A number with its name above it."""
+    """A number with its name."""
 
     def __init__(self, title: str) -> None:
         super().__init__()

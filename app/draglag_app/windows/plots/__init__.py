@@ -1,1 +1,1 @@
-"""Plots of all pages: frame, drawing, export."""
+"""Plots of all pages."""

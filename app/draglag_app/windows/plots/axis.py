@@ -17,10 +17,10 @@ _EDGE_PX = 2
 
 
 class Axis(pg.AxisItem):
-    """``write`` fits the title to the room, where pyqtgraph would cut it off."""
+    """Pyqtgraph would cut a long title off."""
 
     def write(self, title: str, room_px: float) -> None:
-        """Write the title in letters that fit, or else its unit alone."""
+        """Write the title in letters that fit, else its unit alone."""
         unit = re.search(r"\(([^()]+)\)$", title)
         attempts = [(title, size) for size in _LETTERS_PT]
         if unit:
@@ -38,7 +38,6 @@ class Axis(pg.AxisItem):
         self._keep_inside()
 
     def _keep_inside(self) -> None:
-        """Centre the title, or move it to the plot's edge."""
         parent, label = self.parentItem(), self.label
         if parent is None or label is None:
             return

@@ -1,4 +1,4 @@
-"""Latency against speed, on Record, Results and Compare."""
+"""Latency against speed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SYMBOLS = ("o", "s", "t", "d", "x")
 
 
 class CurvePlot(Plot):
-    """Runs with 95 % intervals, the fitted curve with its band, alternatives if requested."""
+    """Runs with 95 % intervals, the curve with its band, alternatives."""
 
     def __init__(self, title: str = "", parent: QWidget | None = None, named_above: bool = False) -> None:
         self._named_above = ""
@@ -45,12 +45,8 @@ class CurvePlot(Plot):
         clicked: Callable[[str], None] | None = None,
         residuals: bool = False,
     ) -> None:
-        """Draw again.
-
-        Args:
-            clicked: called with the id of a clicked run.
-            residuals: draw latency minus curve, where band and intervals are wide enough to see.
-        """
+        """Draw again. ``clicked`` gets a run's id. ``residuals``: latency minus curve, where intervals are wide enough
+        to see."""
         self.clear_all()
         colours, out = theme(), set(excluded)
         good = [e for e in estimates if e.latency_s is not None and e.speed_mm_s is not None]
@@ -76,8 +72,6 @@ class CurvePlot(Plot):
             self._fit_ranges(good, out)
 
     def _fit_ranges(self, good: list[RunEstimate], out: set[str]) -> None:
-        """Latencies from zero, so that a first point's interval does not fill the plot; residuals by runs in the
-        curve."""
         # The margin below is for the labels of zero.
         self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0.02)
         if self._base is None:
@@ -89,7 +83,6 @@ class CurvePlot(Plot):
         self.setYRange(-most_ms, most_ms, padding=0)
 
     def _less_base_ms(self, speed_mm_s: Column | float | None, latency_s: Column | float | None) -> np.ndarray:
-        """Latencies as drawn, ms: minus the curve for residuals."""
         latency = np.asarray(latency_s, float)
         return 1e3 * (latency if self._base is None else latency - self._base.predict_s(np.asarray(speed_mm_s, float)))
 
@@ -114,7 +107,7 @@ class CurvePlot(Plot):
         )
 
     def draw_curve(self, name: str, curve: CurveFit, colour: str, band: str = "") -> None:
-        """One curve with its 95 % band over the measured speeds; ``band``: name in the legend, if any."""
+        """Draw a curve with its 95 % band; ``band``: name in the legend."""
         speed = speeds_of(curve)
         low_ms, high_ms = (self._less_base_ms(speed, edge_s) for edge_s in curve.band_s(speed))
         self.band(name + " 95 %", speed, low_ms, high_ms, colour, band)

@@ -1,4 +1,4 @@
-"""The plot of all pages: named items, hover values, numbers to export."""
+"""The plot of all pages."""
 
 from __future__ import annotations
 
@@ -23,10 +23,7 @@ _BROAD_PX = 10
 
 
 class Plot(PlotFrame):
-    """A plot with titled axes in units.
-
-    ``line``, ``dots``, ``band`` … draw under a name: drawing again replaces the item, and "Save numbers" exports it.
-    """
+    """Items are drawn under a name: drawing again replaces, and "Save numbers" exports them."""
 
     def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
         self._hover: dict[str, Series] = {}
@@ -53,7 +50,7 @@ class Plot(PlotFrame):
     def line(
         self, name: str, x: Column, y: Column, colour: str, width: float = 2, dash: bool = False, legend: bool = True
     ) -> None:
-        """A line through points; NaN breaks it."""
+        """Draw a line; NaN breaks it."""
         style = Qt.PenStyle.DashLine if dash else Qt.PenStyle.SolidLine
         look = (colour, width, dash)
         held = self._items.get(name)
@@ -83,7 +80,7 @@ class Plot(PlotFrame):
         clicked: Callable[[int], None] | None = None,
         legend: bool = True,
     ) -> None:
-        """Points with error bars (half their length) and words shown near the mouse."""
+        """Draw points; ``error``: half length of bars; ``words``: shown near the mouse."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         look = (colour, symbol, size, hollow)
         if error is None and not words and clicked is None and self._looks.get(name) == look:
@@ -111,7 +108,7 @@ class Plot(PlotFrame):
         self._hover[name] = Series(x, y, words=words)
 
     def band(self, name: str, x: Column, low: Column, high: Column, colour: str, legend: str = "") -> None:
-        """A shaded area between two curves; ``legend``: its name there, if any."""
+        """Shade between two curves; ``legend``: name there."""
         self.remove(name)
         shade = QColor(colour)
         shade.setAlpha(_SHADE)
@@ -137,7 +134,7 @@ class Plot(PlotFrame):
         hatched: bool = False,
         words: Sequence[str] = (),
     ) -> None:
-        """Bars from ``base`` up: a histogram or waterfall. ``hatched``: provisional."""
+        """Draw bars from ``base`` up; ``hatched``: provisional."""
         self.remove(name)
         x, up = np.asarray(centre, float), np.asarray(height, float)
         low = np.broadcast_to(np.asarray(base, float), up.shape)
@@ -152,7 +149,7 @@ class Plot(PlotFrame):
         self._hover[name] = Series(x, low + up, words=words)
 
     def upright(self, name: str, at: float, colour: str, text: str = "") -> None:
-        """A vertical mark."""
+        """Draw a vertical mark."""
         self.remove(name)
         item = pg.InfiniteLine(
             at, pen=pg.mkPen(colour, width=1.6, style=Qt.PenStyle.DashLine), label=text or None,
@@ -163,7 +160,7 @@ class Plot(PlotFrame):
         self._numbers[name] = (np.array([at]),)
 
     def leave_room_above(self, share: float) -> None:
-        """Make room for a legend above lines and bands, as a share of their height."""
+        """Make room for a legend, as a share of the height of what is drawn."""
         heights = [np.asarray(column, float) for columns in self._numbers.values() for column in columns[1:]]
         values = np.concatenate(heights) if heights else np.empty(0)
         values = values[np.isfinite(values)]
@@ -194,5 +191,5 @@ class Plot(PlotFrame):
 
     @property
     def drawn(self) -> Mapping[str, tuple[Column, ...]]:
-        """Name → columns of what is drawn."""
+        """Name → columns."""
         return self._numbers

@@ -1,4 +1,4 @@
-"""The frame of every plot: axes, focus, legend, menu to copy and export."""
+"""Axes, focus, legend, menu of a plot."""
 
 from __future__ import annotations
 
@@ -81,18 +81,15 @@ class PlotFrame(pg.PlotWidget):
         self._show_emptiness()
 
     def sizeHint(self) -> QSize:
-        """The minimum: plots take the available room, and a graphics view would ask for much."""
         return QSize(self.minimumSize())
 
     def focusInEvent(self, event: QFocusEvent) -> None:
-        """Show the focus ring for keyboard focus; it comes back after a menu or dialog."""
         super().focusInEvent(event)
         if event.reason() not in _AWAY:
             self._by_tab = event.reason() in (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason)
         self._ring.setVisible(self._by_tab)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Open the menu by Return, as by the menu key, which keyboards may lack."""
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
             self._menu(self.rect().center())
             event.accept()
@@ -117,18 +114,16 @@ class PlotFrame(pg.PlotWidget):
         self._show_emptiness()
 
     def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = _APART) -> None:
-        """A title that includes the legend, (sign, colour, words) each, where there is no room for one. Title and words
-        are HTML."""
+        """Set a title that includes the legend, (sign, colour, words) each. Title and words are HTML."""
         words = _APART.join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
         self.title_lines(f"{title}{apart}{words}".split("<br>"))
 
     def title_lines(self, lines: Sequence[str]) -> None:
-        """A title of centred HTML lines."""
+        """Set a title of HTML lines."""
         self._title = tuple(lines)
         self._write_title()
 
     def _write_title(self) -> None:
-        """Write the title as large as fits: a larger one would push the plot out of sight."""
         plot, lines = self.getPlotItem(), self._title
         room = self.width() - plot.getAxis("left").width() - _MARGIN_PX
         size_pt = self._set_title(lines, room)
@@ -141,7 +136,6 @@ class PlotFrame(pg.PlotWidget):
             plot.layout.setRowFixedHeight(0, high)
 
     def _set_title(self, lines: Sequence[str], room_px: float) -> float:
-        """The size in points at which the lines fit, set as title."""
         plot = self.getPlotItem()
         # A title has no width of its own to centre lines in; a table has.
         rows = "".join(f"<tr><td align='center'>{line}</td></tr>" for line in lines)
@@ -165,10 +159,7 @@ class PlotFrame(pg.PlotWidget):
             plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
 
     def keep_axes_drawn(self) -> None:
-        """Cache axes and grid as a picture, for plots redrawn several times a second.
-
-        They cost as much as all the rest, and change only with the range.
-        """
+        """Cache axes and grid, for plots redrawn several times a second: they cost as much as all the rest."""
         for side in ("bottom", "left"):
             self.getPlotItem().getAxis(side).setCacheMode(QGraphicsItem.CacheMode.DeviceCoordinateCache)
 
@@ -213,7 +204,6 @@ class PlotFrame(pg.PlotWidget):
         self.getPlotItem().getAxis("left").write(y, self.height())
 
     def _show_emptiness(self) -> None:
-        """Say that a plot is empty, instead of showing axes without meaning."""
         empty = not self._items
         self._nothing.setVisible(empty)
         for side in ("bottom", "left"):
@@ -257,7 +247,6 @@ class PlotFrame(pg.PlotWidget):
             self._tell("info", tr("Saved: {path}").format(path=path))
 
     def _tell(self, level: str, text: str) -> None:
-        """Show a text in the window's strip, which does not interrupt a run, if it has one."""
         notify = getattr(self.window(), "notify", None)
         if notify is not None:
             notify(level, text)
@@ -265,7 +254,7 @@ class PlotFrame(pg.PlotWidget):
             QMessageBox.warning(self, "draglag", plain(in_words(text)))
 
     def source_line(self) -> str:
-        """The source of what is drawn, for exported pictures; default: the window's session."""
+        """The source of what is drawn, for exported pictures."""
         if self.source is not None:
             return self.source()
         of_window = getattr(self.window(), "figure_source", None)
@@ -282,5 +271,5 @@ class PlotFrame(pg.PlotWidget):
             write_picture(self.getPlotItem(), path, max(1600, 2 * self.width()), self.source_line())
 
     def csv(self) -> str:
-        """All numbers drawn, with the axes' titles as header."""
+        """All numbers drawn."""
         return as_csv(self._labels[1:], self._numbers)

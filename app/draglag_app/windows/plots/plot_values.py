@@ -1,4 +1,4 @@
-"""Export of a plot: value under the mouse, CSV, PNG, SVG."""
+"""Values under the mouse; files of a plot."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _DOT_PX, _LINE_PX = 14.0, 8.0
 
 @dataclass(frozen=True)
 class Series:
-    """Points, or the line through them, near the mouse. ``words``: one text per point, or none."""
+    """Points, or a line through them; ``words``: one text per point, or none."""
 
     x: Column
     y: Column
@@ -34,7 +34,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Near:
-    """Position in the plot's units, and the text to show."""
+    """A place in the plot's units, and its text."""
 
     x: float
     y: float
@@ -42,10 +42,7 @@ class Near:
 
 
 def near(view: Any, at: Any, shown: Mapping[str, Series], axes: tuple[str, str]) -> Near | None:
-    """The point, or else the place on a line, close to a scene position; ``axes``: their titles.
-
-    ``view``: pyqtgraph's view box.
-    """
+    """The point, or else the place on a line, close to a scene position in pyqtgraph's ``view``; ``axes``: titles."""
     (x0, x1), (y0, y1) = view.viewRange()
     first, second = view.mapViewToScene(_point(x0, y0)), view.mapViewToScene(_point(x1, y1))
     across, down = (second.x() - first.x()) / ((x1 - x0) or 1.0), (second.y() - first.y()) / ((y1 - y0) or 1.0)
@@ -79,7 +76,6 @@ def _point(x: float, y: float) -> Any:
 
 
 def _on_segments(pixels: Column, mouse: Column) -> tuple[int, float, float]:
-    """(segment, fraction of it, distance in px) of the closest place on a line; NaN breaks the line."""
     start, way = pixels[:-1], np.diff(pixels, axis=0)
     length = (way**2).sum(1)
     share = np.clip(((mouse - start) * way).sum(1) / np.where(length > 0, length, 1.0), 0.0, 1.0)
@@ -112,7 +108,7 @@ def _plain(text: str) -> str:
 
 
 def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
-    """Write a plot item as SVG or PNG, by the ending, with a line on its source. Raises DataError."""
+    """Write a plot item as SVG or PNG, by the ending, with its source. Raises DataError."""
     try:
         if path.suffix == ".svg":
             with new_file(path, replace=True) as growing:
@@ -131,7 +127,7 @@ def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
 
 
 def signed(image: QImage, source: str) -> QImage:
-    """The picture with a strip below that names its source."""
+    """The picture with its source below."""
     high_px = max(14, round(0.016 * image.width()))
     out = QImage(image.width(), image.height() + round(1.6 * high_px), QImage.Format.Format_RGB32)
     out.fill(image.pixelColor(0, 0))
@@ -148,7 +144,7 @@ def signed(image: QImage, source: str) -> QImage:
 
 
 def signed_svg(svg: bytes, source: str) -> bytes:
-    """The drawing with a line below that names its source; unchanged where its size is unknown."""
+    """The drawing with its source below; unchanged where its size is unknown."""
     text = svg.decode()
     box = re.search(r'viewBox\s*="([-\d.]+) ([-\d.]+) ([\d.]+) ([\d.]+)"', text)
     if box is None:

@@ -1,4 +1,4 @@
-"""Details of a run: alignment, J(L), stylus width, taps, validation."""
+"""Plots of the Results page."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class AlignmentPlot(Plot):
         self.getPlotItem().vb.invertY(True)
 
     def show_run(self, estimate: RunEstimate | None, checked: Validation | None) -> None:
-        """Draw the alignment of an estimate or a validation."""
+        """Draw an estimate's alignment, else a validation's."""
         self.clear_all()
         found = checked.alignment if checked is not None else None
         if estimate is not None:
@@ -106,7 +106,7 @@ class CostPlot(Plot):
 
 
 class WidthPlot(Plot):
-    """The stylus' diameter by each run: a check of everything at once."""
+    """The stylus' diameter by each run."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(
@@ -135,7 +135,7 @@ _LEAST_MS = 0.1
 
 
 class TapsPlot(Plot):
-    """Tap latencies by kind, with their medians."""
+    """Tap latencies by kind, with medians."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(tr("Taps"), tr("latency (ms)"), tr("taps"), "taps", parent)
@@ -168,7 +168,7 @@ class TapsPlot(Plot):
 
 
 class ValidationView(QWidget):
-    """How much misalignment the curve removes from runs not used for it (Eq. 4)."""
+    """Misalignment that the curve removes from runs not used for it (Eq. 4)."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -1,1 +1,1 @@
-"""A recording in progress: its thread, signals, plots and estimates."""
+"""A recording in progress."""

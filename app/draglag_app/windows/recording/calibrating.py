@@ -1,4 +1,4 @@
-"""A calibration in progress: targets on the participant's screen, touches from a reading thread."""
+"""A calibration in progress."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Calibrating(QObject):
         return self._reader is not None
 
     def start(self, settings: Settings) -> None:
-        """Show the first target. Raises DraglagError: no touchscreen, no screen to show targets on."""
+        """Show the first target. Raises DraglagError."""
         if self.active:
             return
         address = settings.rig.touch
@@ -125,7 +125,7 @@ class Calibrating(QObject):
             self.changed.emit()
 
     def cancel(self) -> None:
-        """End without a result; the calibration in use stays."""
+        """End without a result."""
         if self.active:
             self._close()
             self.changed.emit()

@@ -1,4 +1,4 @@
-"""Latencies of the session being recorded, and the curve through them."""
+"""Estimates of the session being recorded."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 class LiveEstimates(QObject):
-    """Estimates each run twice: right after its end, and whole once saved.
+    """Estimates each run right after its end, and again once saved.
 
     Attributes:
-        known: one estimate per run, in the order of recording.
+        known: one estimate per run, in order of recording.
         preliminary: ids of runs whose last events are still to come.
-        curve: the best curve through whole runs; None while there are too few.
+        curve: through whole runs; None while too few.
     """
 
     changed = Signal()
@@ -48,7 +48,7 @@ class LiveEstimates(QObject):
         self.changed.emit()
 
     def take(self, estimate: RunEstimate) -> None:
-        """Replace a run's preliminary estimate by that of the whole run."""
+        """Use the estimate of a whole run."""
         self.preliminary.discard(estimate.id)
         self._put(estimate)
         self._fit()
@@ -68,7 +68,6 @@ class LiveEstimates(QObject):
             self.changed.emit()
 
     def _estimate(self, event: events.RunPreviewed | events.RunFinished, preliminary: bool) -> None:
-        """Estimate without waiting for the file; tasks run in order, so the whole run comes last."""
         order, run, options = self._space.recording.order, event.run, self._space.options
         if order is None or not has_constant_speed(run):
             return
@@ -99,7 +98,6 @@ class LiveEstimates(QObject):
         self.changed.emit()
 
     def _fit(self) -> None:
-        """One fit at a time; later runs are fitted next."""
         if self._fitting:
             self._fit_again = True
             return
@@ -120,7 +118,7 @@ class LiveEstimates(QObject):
 
 
 def curve_through(known: list[RunEstimate]) -> CurveFit | None:
-    """The best curve through runs; None while there are too few."""
+    """The best curve; None while there are too few runs."""
     points = curve_points([estimate for estimate in known if not excluded_because(estimate)])
     try:
         return fit_best(points)

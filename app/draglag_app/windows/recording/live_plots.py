@@ -1,4 +1,4 @@
-"""Live plots of a run: the stylus on the screen, and its speed against the target's."""
+"""Live plots of a run."""
 
 from __future__ import annotations
 
@@ -18,13 +18,12 @@ _MARGIN, _FASTER = 0.03, 1.35
 
 
 def _thinned(table: np.ndarray) -> np.ndarray:
-    """About ``_MOST_DRAWN`` rows at most, including the last."""
     step = max(1, -(-len(table) // _MOST_DRAWN))
     return table[::-1][::step][::-1]
 
 
 class TracePlot(Plot):
-    """The screen under test: target's path, touch trace, beam, touches at its edges."""
+    """The screen under test: target's path, touch trace, beam, edges."""
 
     _begun: tuple[Order | None, PlannedRun | None] = (None, None)
 
@@ -47,7 +46,7 @@ class TracePlot(Plot):
         self.name_above(tr("On the screen"), marks)
 
     def begin(self, order: Order | None, planned: PlannedRun | None) -> None:
-        """Draw an empty screen with beam and target's path."""
+        """Draw a screen without touches."""
         self.clear_all()
         self._begun = (order, planned)
         self._draw_what_stands()
@@ -97,7 +96,7 @@ class TracePlot(Plot):
 
 
 class SpeedPlot(Plot):
-    """Speed of the stylus, by its touches, against the target's."""
+    """Speed of the stylus, by its touches, and of the target."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("", tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)
@@ -111,7 +110,7 @@ class SpeedPlot(Plot):
             self._draw_line(name, *columns)
 
     def begin(self, planned: PlannedRun | None) -> None:
-        """Draw the target's speed, with fixed axes."""
+        """Draw the target's speed."""
         self.clear_all()
         if planned is None:
             return
@@ -135,6 +134,5 @@ class SpeedPlot(Plot):
 
 
 def _beyond(places_mm: np.ndarray, screen_mm: tuple[float, float]) -> bool:
-    """Whether any place, (n, 2), lies off the screen beyond its margin."""
     spare = _MARGIN * np.array(screen_mm)
     return bool(((places_mm < -spare) | (places_mm > screen_mm + spare)).any())

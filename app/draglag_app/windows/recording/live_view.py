@@ -1,4 +1,4 @@
-"""A run as it happens, and the latencies so far."""
+"""Plots of a recording."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _ROOM_S, _MOST_WAITS = 0.010, 3
 class LiveView(QSplitter):
     """Draws right after a frame of the participant's target, with the longest time to the next.
 
-    ``next_frame_s``: time until then, s; 0 where nothing moves.
+    ``next_frame_s``: time until then; 0 where nothing moves.
     """
 
     drawing = Signal()
@@ -73,7 +73,7 @@ class LiveView(QSplitter):
         self._due.start()
 
     def end_session(self) -> None:
-        """Stop drawing; plots stay."""
+        """Stop drawing."""
         if self._docked is not None:
             self._docked.hide()
             self._docked.deleteLater()
@@ -82,7 +82,7 @@ class LiveView(QSplitter):
         self._frame_drawn.stop()
 
     def dock(self, picture: ParticipantWindow) -> None:
-        """Show the participant's picture left of the plots, until the session ends."""
+        """Show the participant's picture next to the plots, until the session ends."""
         self._docked = DockedPicture(picture, picture.ratio)
         self.insertWidget(0, self._docked)
         self.setSizes([300, 500, 380])
@@ -105,7 +105,7 @@ class LiveView(QSplitter):
         self._fresh = True
 
     def draw_all(self) -> None:
-        """Draw both live plots now."""
+        """Draw both plots now."""
         if self._run is not None:
             self.trace.draw(self._run)
             self.speed.draw(self._run)

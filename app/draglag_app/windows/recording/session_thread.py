@@ -1,4 +1,4 @@
-"""One recording at a time: session thread, participant's window, operator's requests."""
+"""The session's thread, started from the window."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from draglag_devices.rig import Rig
 
 @dataclass(frozen=True)
 class Order:
-    """What to record and where; ``display``: "window", "offscreen" or "screen N"."""
+    """What to record; ``display``: "window", "offscreen" or "screen N"."""
 
     protocol: Protocol
     rig: Rig
@@ -40,7 +40,7 @@ class Order:
 
 
 class Recording(QObject):
-    """Starts and steers a session. Signals come in the window's thread."""
+    """Starts and steers one session at a time. Signals come in the window's thread."""
 
     began = Signal(object)
     ended = Signal(object, object)
@@ -66,7 +66,7 @@ class Recording(QObject):
         return self._thread is not None
 
     def start(self, order: Order) -> None:
-        """Begin. Raises DraglagError: the plan does not fit; screen or folder is missing."""
+        """Begin. Raises DraglagError."""
         if self.active:
             raise DataError("a session is being recorded already", "Stop it first")
         if order.out.exists():
@@ -113,7 +113,7 @@ class Recording(QObject):
         return self._plan.get(run_id) or self._plan.get("-".join(run_id.split("-")[:2]))
 
     def left_s(self, run_number: int) -> float:
-        """Time planned after that run (from 1), s: runs, those queued again, taps, clock check."""
+        """Time planned after that run (from 1): runs, queued ones, taps, clock check."""
         order, control = self.order, self.control
         if order is None:
             return 0.0
@@ -123,7 +123,7 @@ class Recording(QObject):
         return planned_after_s(order.protocol, plan, order.options.countdown_s)
 
     def stop_and_wait(self) -> None:
-        """End the session properly and wait until the file is closed."""
+        """End the session and wait until the file is closed."""
         if self.control is not None:
             self.control.no_place()
             self.control.stop()
@@ -149,7 +149,6 @@ class Recording(QObject):
         return ScreenDisplay(window)
 
     def _aborted(self, why: str) -> None:
-        """Abort the run, and note why for operator and file."""
         if self.control is not None:
             self.control.note(why)
             self.control.abort_run()

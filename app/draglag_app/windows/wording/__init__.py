@@ -1,1 +1,1 @@
-"""What the operator reads, in the settings' language."""
+"""What the operator reads."""

@@ -1,4 +1,4 @@
-"""The operator's names of effects and parameters; files and commands use ids."""
+"""The operator's names of effects and parameters."""
 
 from __future__ import annotations
 
@@ -54,7 +54,6 @@ PARAMETERS: dict[str, tuple[str, str, float]] = {
 
 
 def _shown_as(parameter: str) -> tuple[str, str, float]:
-    """Name, unit and factor of a parameter; for other packages' effects by the ending of its name."""
     if parameter in PARAMETERS:
         return PARAMETERS[parameter]
     for ending, shown in (("_mm_s", (" mm/s", 1.0)), ("_s", _MS), ("_mm", (" mm", 1.0)), ("_hz", (" Hz", 1.0))):
@@ -68,12 +67,12 @@ def _say(text: str) -> str:
 
 
 def effect_name(effect: str) -> str:
-    """An effect's name in the operator's language; other texts unchanged."""
+    """An effect's name, translated; other texts unchanged."""
     return _say(EFFECT_NAMES[effect]) if effect in EFFECT_NAMES else effect
 
 
 def effect_meaning(effect: str) -> str:
-    """The effect's meaning, and its id, used in files and commands."""
+    """The effect's meaning and id."""
     known = EFFECTS.get(effect)
     return effect if known is None else f"{_say(known.meaning)} ({effect})"
 
@@ -88,7 +87,7 @@ def size_words(parameter: str, value: float, interval: tuple[float, float] | Non
 
 
 def main_size(parameters: Mapping[str, Any]) -> tuple[str, str]:
-    """Size and interval of a step's first parameter: "24.9 ppm", "23.7 to 26.2"; or nothing."""
+    """Size and interval of a step's first parameter: "24.9 ppm", "23.7 to 26.2"; or empty."""
     for parameter, given in parameters.items():
         _, unit, factor = _shown_as(parameter)
         low, high = given["ci95"]

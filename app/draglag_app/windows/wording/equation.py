@@ -1,4 +1,4 @@
-"""The fitted curve as an equation, digits as far as known, with units."""
+"""The fitted curve as an equation."""
 
 from __future__ import annotations
 

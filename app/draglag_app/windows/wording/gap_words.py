@@ -1,4 +1,4 @@
-"""The gap report's sentences, marked for translation."""
+"""The gap report's sentences; each empty where there is nothing to say."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _FOLLOWS = {
 
 
 def followed(covariate: str) -> str:
-    """The operator's name of what a gap follows: a covariate or an effect."""
+    """What a gap follows: a covariate or an effect."""
     return QCoreApplication.translate("Gap", _FOLLOWS[covariate]) if covariate in _FOLLOWS else effect_name(covariate)
 
 
 def headline(report: dict[str, Any]) -> str:
-    """The verdict of a gap report's JSON: causes, sizes, probabilities, and the gap they leave."""
+    """The verdict: causes, sizes, probabilities, and the gap they leave."""
     sizes = {"last": f"{report['gap_last_mm']:.2f}", "floor": f"{report['noise_floor_mm']:.2f}"}
     verdict, more = str(report["verdict"]), bool(report.get("tolerated"))
     out = _causes(report, sizes)
@@ -55,7 +55,7 @@ def headline(report: dict[str, Any]) -> str:
 
 
 def law_words(report: dict[str, Any]) -> str:
-    """That the curve is not Eq. 5, and by how much; else empty."""
+    """That the curve is not Eq. 5, and by how much."""
     law = report.get("law") or {"adequate": True}
     if law["adequate"]:
         return ""
@@ -64,13 +64,13 @@ def law_words(report: dict[str, Any]) -> str:
 
 
 def tolerated_words(report: dict[str, Any]) -> str:
-    """Structure beyond chance too small to matter, with sizes; empty without."""
+    """Structure beyond chance too small to matter."""
     items = [f"{followed(item['follows'])}, {item['size_mm']:.2f} mm" for item in report.get("tolerated", ())]
     return _say(_TOLERATED).format(items="; ".join(items)) if items else ""
 
 
 def noise_words(report: dict[str, Any]) -> str:
-    """What the noise is made of, as far as it is of interest; empty where no part is."""
+    """What the noise is made of."""
     parts = [part for part in report.get("noise", ()) if part["size_mm"] >= SIZE_OF_INTEREST_MM]
     items = [f"{_say(NOISE[part['name']])} {part['size_mm']:.2f} mm" for part in parts]
     return _say(_NOISE).format(items=", ".join(items)) if items else ""
@@ -87,12 +87,12 @@ def set_words(names: Sequence[str]) -> str:
 
 
 def compared_words(report: dict[str, Any]) -> str:
-    """Explanations that share 95 % of the probability, one per line."""
+    """Explanations that share 95 % of the probability, a line each."""
     return "\n".join(f"{stated(p)}  {set_words(names)}" for names, p in _explanations(report))
 
 
 def also_words(report: dict[str, Any]) -> str:
-    """Other explanations that share the probability; empty without."""
+    """Other explanations that share the probability."""
     steps = [(step["effect"], *(step.get("indistinguishable_from") or ())) for step in report["steps"]]
     sets = [f"{set_words(names)}{_sure(p)}" for names, p in also_possible(_explanations(report), steps)]
     return _say(_ALSO).format(sets=", ".join(sets)) if sets else ""
@@ -161,7 +161,7 @@ _NO_EFFECT = QT_TRANSLATE_NOOP("Gap", "no effect")
 
 
 def check_words(report: dict[str, Any]) -> str:
-    """Statistics of the simulated session that disagree with the measured ones; empty if none."""
+    """Statistics of the simulated session that disagree with the measured ones."""
     items = [
         f"{_say(_STATISTICS[one['name']])} {one['measured']:.3g} / {one['simulated']:.3g}"
         for one in report.get("check", ())

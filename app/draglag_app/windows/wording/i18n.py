@@ -41,7 +41,7 @@ class TableTranslator(QTranslator):
 
 
 def language_of(setting: str) -> str:
-    """The language of a setting: "system" is the desktop's, English without a translation."""
+    """The language of a setting; English without a translation."""
     if setting == "system":
         setting = (locale.getlocale()[0] or "en")[:2]
     return setting if resource("translations", f"{setting}.toml").is_file() else "en"
@@ -56,7 +56,7 @@ def table_of(language: str) -> dict[str, str]:
 
 
 def use_language(application: QCoreApplication, setting: str) -> None:
-    """Set the application's language; texts already shown do not change."""
+    """Set the language; texts already shown do not change."""
     for old in application.findChildren(TableTranslator):
         application.removeTranslator(old)
         old.deleteLater()

@@ -1,7 +1,4 @@
-"""Sentences of library and instruments in the operator's language.
-
-Translations are found by the English template (``draglag.messages``), never by searching rendered English.
-"""
+"""Sentences of library and instruments, translated by their English template (``draglag.messages``)."""
 
 from __future__ import annotations
 
@@ -36,33 +33,29 @@ CLOSED = QT_TRANSLATE_NOOP(
 
 
 def in_words(text: str) -> str:
-    """A message, and those in it, in the operator's language; English if not in the table.
-
-    Other texts (of files, of other packages) are looked up whole.
-    """
+    """A message, and those in it, translated; English if not in the table."""
     said = phrase(text)
     words = QCoreApplication.translate("Library", IN_BUTTONS.get(said.template, said.template))
     return words.format(**{name: _argument(name, value) for name, value in said.arguments.items()})
 
 
 def sentences(known: Iterable[str]) -> str:
-    """Several sentences in the operator's language, each with a full stop."""
+    """Several sentences, translated, each with a full stop."""
     said = map(in_words, known)
     return " ".join(text if text.endswith((".", "!", "?")) else f"{text}." for text in said)
 
 
 def fault_words(problem: str, remedy: str) -> str:
-    """Problem and remedy in the operator's language."""
+    """Problem and remedy, translated."""
     return in_words(DraglagError(problem, remedy).message)
 
 
 def source_name(source: str) -> str:
-    """The source's name in the operator's language; an address is unchanged."""
+    """The source's name, translated; an address is unchanged."""
     return QCoreApplication.translate("Source", _SOURCES[source]) if source in _SOURCES else source
 
 
 def _argument(name: str, value: object) -> object:
-    """An argument of a sentence, with the windows' words for ids."""
     if isinstance(value, Message):
         return in_words(value)
     words_of = _NAMES.get(name)

@@ -30,7 +30,7 @@ OUTCOMES = {
 
 
 def say(text: str) -> str:
-    """A text of this file in the operator's language."""
+    """A text of this file, translated."""
     return QCoreApplication.translate("Words", text)
 
 
@@ -46,7 +46,7 @@ DETAILS = {
 
 
 def detail_name(name: str) -> str:
-    """The name of a session's detail; free fields have their own."""
+    """The name of a session's detail."""
     return say(DETAILS[name]) if name in DETAILS else name.replace("_", " ")
 
 
@@ -69,7 +69,7 @@ PRESETS = (
 
 
 def preset_meaning(description: str) -> str:
-    """What a protocol is for; presets' in the operator's language."""
+    """A protocol's description; presets' translated."""
     return say(description) if description else ""
 
 
@@ -92,7 +92,7 @@ def between(low: str, high: str) -> str:
 
 
 def chance(p_value: float) -> str:
-    """A p-value, "p < 0.001" for smaller ones."""
+    """A p-value."""
     return "p < 0.001" if p_value < 1e-3 else f"p = {p_value:.2g}"
 
 
@@ -101,7 +101,7 @@ def per_second(rate_hz: float) -> str:
 
 
 def duration_ms(value_s: float) -> str:
-    """A short time: milliseconds up to a second, then seconds."""
+    """A short time in ms, from a second on in s."""
     return f"{1e3 * max(0.0, value_s):.0f} ms" if value_s < 1.0 else f"{value_s:.1f} s"
 
 
@@ -127,7 +127,7 @@ def verdict(estimate: RunEstimate) -> tuple[str, str]:
 
 
 def verdict_parts(estimate: RunEstimate) -> tuple[str, list[str]]:
-    """As ``verdict``, with its flags one by one, most important first."""
+    """As ``verdict``, with single flags, most important first."""
     names = [flag_name(flag) for flag in estimate.flags]
     if not is_usable(estimate):
         return "bad", names or [say("no latency")]
@@ -144,7 +144,7 @@ def flag_meanings(flags: tuple[str, ...]) -> str:
 
 
 def clock_words(estimates: Sequence[RunEstimate]) -> str:
-    """Effects of the clocks on latencies that the operator should know; else empty."""
+    """Effects of the clocks on latencies; else empty."""
     unsure = [e for e in estimates if "clock_uncertain" in e.flags and e.clock_uncertainty_s is not None]
     unknown = [e for e in estimates if "clock_unknown" in e.flags]
     said = []

@@ -1,4 +1,4 @@
-"""What the Record page says between runs."""
+"""The Record page's words between runs."""
 
 from __future__ import annotations
 
@@ -19,12 +19,9 @@ def tr(text: str) -> str:
 
 
 def verdict_words(estimate: RunEstimate, preliminary: bool, queued: bool = False) -> tuple[str, str, str]:
-    """(level, words, more): readable across a room, "✓ 38.7 ± 0.1 ms" or "▲ few edges: repeat? F7".
+    """(level, words, more), words readable across a room: "✓ 38.7 ± 0.1 ms" or "▲ few edges: repeat? F7".
 
-    Large letters have no room for many reasons; ``more`` names the rest.
-
-    Args:
-        queued: the run will be repeated anyway.
+    ``more``: reasons without room. ``queued``: the run will be repeated anyway.
     """
     if preliminary:
         return "", words.latency_text(estimate) + " …", ""
@@ -40,7 +37,6 @@ def verdict_words(estimate: RunEstimate, preliminary: bool, queued: bool = False
 
 
 def _largest(mark: str, reasons: Sequence[str], queued: bool) -> tuple[str, int]:
-    """(words, how many reasons they name): as many as fit, at least one."""
     for n in range(len(reasons), 0, -1):
         why = ", ".join(reasons[:n])
         if n < len(reasons):
@@ -56,12 +52,12 @@ def _largest(mark: str, reasons: Sequence[str], queued: bool) -> tuple[str, int]
 
 
 def comes_again() -> str:
-    """The sentence on a run that is queued."""
+    """The sentence on a queued run."""
     return tr("recorded again at the end; Ctrl+Z cancels that")
 
 
 def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, more: str = "") -> str:
-    """Time left in rest and session, ``more``, then what the keys do. Infinite: until a key.
+    """Time left in rest (infinite: until a key) and session, ``more``, then the keys.
 
     The keys come last: if cut off, the buttons still name them.
     """

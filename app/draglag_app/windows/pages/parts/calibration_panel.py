@@ -1,4 +1,4 @@
-"""Touch calibration on the Geometry page: start, progress, residuals at each target."""
+"""Touch calibration on the Geometry page."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LONGEST = 0.12
 
 
 class CalibrationPanel(Panel):
-    """``store(calibration or None)`` puts one in use, or none, and makes that undoable."""
+    """``store(calibration or None)`` puts one in use, or none."""
 
     def __init__(
         self,
@@ -168,6 +168,5 @@ class CalibrationPanel(Panel):
 
 
 def _round(value: float) -> float:
-    """Down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(step for step in (1, 2, 5) if step * power <= value))

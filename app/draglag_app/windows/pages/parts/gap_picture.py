@@ -1,4 +1,4 @@
-"""The gap page's plot of simulated against measured, before, after or both."""
+"""The Gap page's plot of simulated against measured."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _LETTERS = 14
 
 
 class GapPicture(QWidget):
-    """The plot and its two choices. ``show_overlay`` takes the library's ``overlay_numbers``."""
+    """The plot, and the choice of what it shows."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -90,7 +90,7 @@ class GapPicture(QWidget):
         self.which.currentIndexChanged.connect(self.draw)
 
     def show_overlay(self, overlay: dict[str, Any] | None, why: str = "") -> None:
-        """Draw a session simulated again, or say why there is none."""
+        """Draw the library's ``overlay_numbers``, or say why there are none."""
         self._overlay, self._model = overlay, -1
         self.words.setText(why)
         self.draw()

@@ -1,4 +1,4 @@
-"""The steps of a closed gap: table of effects, plot, remarks."""
+"""The steps of a gap report."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def say(text: str) -> str:
 
 
 class StepTable(QTableWidget):
-    """One row per step of a gap report's JSON."""
+    """A row per step."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -85,7 +85,7 @@ _PROBABLE = 0.5
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar of the waterfall, mm: the gap after a step up to the gap before."""
+    """A bar of the waterfall, from the gap after a step to the gap before."""
 
     name: str
     kind: str  # "first", "step", "provisional" or "floor"
@@ -94,9 +94,9 @@ class Bar:
 
 
 def waterfall(report: dict[str, Any]) -> list[Bar]:
-    """From the first gap to the noise floor, a bar per step, on runs held out of the fit.
+    """Bars from the first gap over the steps to the noise floor.
 
-    Provisional: an unnamed smooth term, and effects less probable than not.
+    Provisional: an unnamed term, and effects less probable than not.
     """
     bars = [Bar(say("none yet"), "first", 0.0, report["gap_first_mm"])]
     for step in report["steps"]:
@@ -111,7 +111,7 @@ def waterfall(report: dict[str, Any]) -> list[Bar]:
 
 
 class StepPlot(Plot):
-    """The gap on runs held out of the fit as a waterfall to the noise floor."""
+    """The gap as a waterfall."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         title = say("Residual on runs held out of the fit")
@@ -158,17 +158,16 @@ class StepPlot(Plot):
 
 
 def _left(bar: Bar) -> float:
-    """The gap after a step; height of the first bar and the noise floor."""
     return bar.high_mm if bar.kind in ("first", "floor") else bar.low_mm
 
 
 def unseen(report: dict[str, Any]) -> list[str]:
-    """Effects that the session could not show, and runs that would, a line each."""
+    """Effects that the session could not show, a line each."""
     return [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
 
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
-    """Lines on other explanations, separating runs, effects by taps or by hand, tolerated structure."""
+    """Lines on other explanations, effects by taps or by hand, runs left out, tolerated structure."""
     steps = report["steps"]
     lines = [also_words(report)]
     for step in steps:

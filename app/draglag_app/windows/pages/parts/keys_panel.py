@@ -1,4 +1,4 @@
-"""The keys of every action, to look up and change."""
+"""The keys of every action, to change."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HIGH_PX = 260
 
 
 class KeysPanel(Panel):
-    """One row per action; the field below changes the selected one's keys."""
+    """A row per action; the field below changes the selected one's keys."""
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Numbers of a recording in progress, and the line for notes."""
+"""Numbers of a recording, and the line for notes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def tr(text: str) -> str:
 
 
 class LiveFacts(Panel):
-    """``noted``: a note was written, or there is none to write. ``write`` keeps a note."""
+    """``noted``: a note was written, or none. ``write`` keeps a note."""
 
     noted = Signal()
 
@@ -68,7 +68,7 @@ class LiveFacts(Panel):
             self._touched_s, self._losses = None, {}
 
     def take(self, event: events.SamplesArrived, n_edges: int) -> None:
-        """Show the numbers of one source's samples."""
+        """Show the numbers of one source."""
         self._losses[event.role] = event.lost
         if event.role == "touch" and event.count:
             self._touched_s = time.monotonic() - max(0.0, event.age_s)
@@ -79,14 +79,14 @@ class LiveFacts(Panel):
         self.facts["edges"].show_text(str(n_edges))
 
     def keep_time(self) -> None:
-        """Let the age of the last touch grow while nothing arrives."""
+        """Show the growing age of the last touch."""
         age_s = 0.0 if self._touched_s is None else time.monotonic() - self._touched_s
         if age_s > _OLD_S:
             self.facts["touch_rate"].show_text(words.per_second(0.0))
             self.facts["touch_age"].show_text(words.duration_ms(age_s))
 
     def keep(self, text: str) -> bool:
-        """Whether there was a session to keep the note in; says so."""
+        """Whether there was a session to keep the note in."""
         kept = self._write(text)
         if kept:
             now = datetime.now().strftime("%H:%M:%S")

@@ -1,4 +1,4 @@
-"""The latency's expected precision, predicted in a worker while nothing is recorded."""
+"""The expected precision of latencies, predicted in a worker."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MOST_REMEMBERED = 2000
 
 
 class PrecisionPreview(QWidget):
-    """A plot of half the 95 % interval against speed, and ``words``; works only while visible."""
+    """Half the 95 % interval against speed; predicted only while visible and nothing is recorded."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -1,4 +1,4 @@
-"""The preset protocols, each with a sentence and its duration on the screen under test."""
+"""The menu of preset protocols."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SENTENCE_SHARE = 0.6
 
 
 class PresetMenu(LetterMenu):
-    """``chosen`` is called with a preset's name; ``panel`` gives the screen for durations."""
+    """``chosen`` gets a preset's name; ``panel`` gives the screen for durations."""
 
     def __init__(self, parent: QWidget, panel: Callable[[], PanelSettings], chosen: Callable[[str], object]) -> None:
         super().__init__(parent)

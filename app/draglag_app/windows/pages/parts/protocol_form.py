@@ -1,4 +1,4 @@
-"""A protocol as a whole: name, order, rests, taps, clock check."""
+"""Fields of a whole protocol."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from draglag_app.windows.workspace import Workspace
 
 
 class ProtocolForm(Panel):
-    """Edits are undoable."""
+    """Every edit is undoable."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__("", parent)

@@ -1,4 +1,4 @@
-"""The table of runs on the Record and Results pages."""
+"""The table of runs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 
 class Cell(QTableWidgetItem):
-    """Sorted by the number its text begins with, else by its text."""
+    """Sorted by the number its text begins with, else by text."""
 
     def __init__(self, text: str, key: str) -> None:
         super().__init__(text)
@@ -49,12 +49,12 @@ class Cell(QTableWidgetItem):
 
 
 class RunTable(QTableWidget):
-    """One row per run: id, target, speed, latency, edges, verdict."""
+    """A row per run."""
 
     run_selected = Signal(str)
 
     def __init__(self, parent: QWidget | None = None, browsed: bool = False) -> None:
-        """``browsed``: with comments, sorted by a click on a heading."""
+        """``browsed``: with comments, and sortable."""
         titles = [tr("run"), tr("target"), tr("speed (mm/s)"), tr("latency"), tr("edges"), tr("verdict")]
         if browsed:
             titles.append(tr("comment"))
@@ -74,7 +74,7 @@ class RunTable(QTableWidget):
             self.setSortingEnabled(True)
 
     def show_first_columns(self) -> None:
-        """Put latency and verdict next to the run; others are scrolled to."""
+        """Put latency and verdict next to the run."""
         header = self.horizontalHeader()
         header.setSectionResizeMode(header.count() - 1, QHeaderView.ResizeMode.ResizeToContents)
         for place, column in enumerate((0, 3, 5, 2, 1, 4)):
@@ -99,7 +99,6 @@ class RunTable(QTableWidget):
 
     @contextmanager
     def _order_kept(self) -> Iterator[None]:
-        """Keep rows in place while cells change; sort and filter afterwards."""
         sorting = self.isSortingEnabled()
         self.setSortingEnabled(False)
         try:
@@ -113,7 +112,7 @@ class RunTable(QTableWidget):
         self.setRowCount(0)
 
     def add_run(self, run: Run, outcome: str = "complete") -> None:
-        """Add a recorded run, without estimate; a known run keeps its row."""
+        """Add a run, without estimate; a known one keeps its row."""
         with self._order_kept():
             self._add_run(run, outcome)
         self.scrollToBottom()

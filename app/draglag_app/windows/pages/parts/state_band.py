@@ -1,4 +1,4 @@
-"""The band on Record: the state in letters readable across a room, and buttons."""
+"""The state on Record, readable across a room, and buttons."""
 
 from __future__ import annotations
 
@@ -103,18 +103,18 @@ class StateBand(Panel):
             self.restyle()
 
     def restyle(self) -> None:
-        """Colour and size of the largest letters in the present theme."""
+        """Draw in the present theme."""
         colours = {"live": theme().bad, "bad": theme().bad, "good": theme().ok, "warning": theme().warning}
         colour = colours.get(str(self.big.property("level") or ""), theme().text)
         size_px = wide(_BIG_LETTERS_PX if self._few else _LONG_LETTERS_PX)
         self.big.setStyleSheet(f"color: {colour}; font-size: {size_px}px;")
 
     def show_share(self, share: float) -> None:
-        """Show the fraction of a run done, in visible steps: every one is painted at once."""
+        """Show the fraction of a run done."""
         self.progress.setValue(5 * round(200 * share))
 
     def flash(self) -> None:
-        """Flash once, at the end of a run."""
+        """Flash once."""
         restyle(self, "flash", "true")
         self._flash.start()
 
