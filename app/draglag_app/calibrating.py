@@ -1,4 +1,4 @@
-"""Calibration of a touchscreen from touches on targets."""
+"""Calibration of a touchscreen."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TOO_SHORT, SLID, SAME_PLACE, NO_UNITS = "too short", "slid", "same place", "no u
 
 @dataclass
 class Touches:
-    """One raw touch per target, in their order."""
+    """One raw touch per target."""
 
     device: str = ""
     axes: tuple[AxisInfo, ...] = ()
@@ -34,7 +34,7 @@ class Touches:
         return len(self.found) == TARGETS
 
     def take(self, batch: Batch) -> list[str]:
-        """For every touch that ended: "" if accepted, else its fault."""
+        """For every ended touch: "" if accepted, else its fault."""
         if batch.touch is not None and len(batch.touch.t_s):
             for contact in np.unique(batch.touch.contact_id):
                 self._parts.setdefault(int(contact), []).append(_only(batch.touch, int(contact)))
@@ -76,23 +76,20 @@ def _only(touch: TouchTrace, contact: int) -> TouchTrace:
 
 
 def fit_touches(x_raw: FloatArray, y_raw: FloatArray, screen: Screen) -> AffineFit:
-    """The affine map through touches, (9,) each. Raises DataError, EstimateError."""
+    """The map through touches, (9,) each. Raises DataError, EstimateError."""
     return fit_affine(x_raw, y_raw, *target_places(screen.width_mm, screen.height_mm, TARGETS))
 
 
 def as_recorded(
     fit: AffineFit, x_raw: FloatArray, y_raw: FloatArray, screen: Screen, device: str, made_utc: str
 ) -> TouchCalibration:
-    """The calibration as a session file keeps it."""
+    """The calibration for a session file."""
     places = target_places(screen.width_mm, screen.height_mm, TARGETS)
     return TouchCalibration(x_raw, y_raw, *places, fit.matrix, device, made_utc)
 
 
 def size_mismatch(fit: AffineFit, resolution: tuple[int, ...]) -> float | None:
-    """Relative difference of the panel's size and the touchscreen's resolution, if above 2 %.
-
-    ``resolution``: units per mm of the axes, 0 where unknown.
-    """
+    """Relative difference of the panel's size and ``resolution`` (units per mm, 0 where unknown), if above 2 %."""
     if len(resolution) != 2:
         return None
     mismatches = []

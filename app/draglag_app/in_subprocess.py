@@ -1,4 +1,4 @@
-"""Long computations in a process of their own: they do not delay a recording and can be cancelled."""
+"""Long computations in a process of their own."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _POLL_S = 0.1
 def run_in_subprocess(function: Callable[..., Any], arguments: tuple[Any, ...], progress: Progress) -> Any:
     """The result of ``function(*arguments, progress)`` in a new process; all picklable. Raises DraglagError.
 
-    ``progress`` is called several times a second; what it raises ends the process and is raised here.
+    What ``progress``, called several times a second, raises ends the process and is raised here.
     """
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
@@ -74,11 +74,10 @@ def close_gap_of(
     Args:
         without: effects that may not be named.
         added: effects to add by hand, in order.
-        kept: an earlier result's ``report`` to continue, or None.
-        path: the session's file, or None.
+        kept: ``report`` of an earlier result to continue.
         include: runs to use although they went wrong.
 
-    Further keys: ``provisional``, ``overlay`` (None with ``overlay_why``), ``model``, ``report``.
+    Further keys: ``provisional``, ``overlay`` (None: ``overlay_why``), ``model``, ``report``.
     """
     import hashlib
     from datetime import UTC, datetime

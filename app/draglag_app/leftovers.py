@@ -13,7 +13,7 @@ _UNFINISHED, _BUILDING = ".partial", ".tmp"
 
 
 def sweep_for(arguments: Sequence[str]) -> list[Path]:
-    """Files removed from the present folder and those of the arguments.
+    """Files removed from the present folder and the arguments'.
 
     Leftovers of recordings stay if an argument is an unfinished one.
     """

@@ -1,4 +1,4 @@
-"""Numbers for live plots of a run."""
+"""Numbers for live plots."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SPACING_S = 0.01
 
 @dataclass
 class LiveRun:
-    """One run as it arrives; times count from ``start_s``, when the target began to move."""
+    """One run as it arrives; times from the target's start."""
 
     run_id: str
     planned: PlannedRun | None
@@ -32,7 +32,7 @@ class LiveRun:
     speed: list[FloatArray] = field(default_factory=lambda: [np.empty((0, 2))])
 
     def add(self, samples: SamplesArrived) -> None:
-        """Add a digest, if of this run."""
+        """Add a digest of this run."""
         if samples.run_id != self.run_id:
             return
         if len(samples.t_s):
@@ -48,7 +48,7 @@ class LiveRun:
         return _joined(self.touch)
 
     def edges_on_screen(self) -> FloatArray:
-        """(m, 3) x mm, y mm of the touch at each edge, without latency; 1 where the light came back."""
+        """(m, 3) x mm, y mm of the touch at each edge, without latency; 1 where light came."""
         trace, edges = self.trace(), _joined(self.edges)
         if len(trace) < 2 or not len(edges):
             return np.empty((0, 3))

@@ -1,6 +1,6 @@
 """Streams of the Lab Streaming Layer (extra ``lsl``).
 
-Stamps are the host's monotonic clock, liblsl's own on Linux. A failing stream costs a warning, never the recording.
+Stamps: monotonic clock, liblsl's own on Linux. A failing stream costs a warning, never the recording.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class _Outlets:
 
 
 def lsl_listener(source: str, then: events.Listener) -> events.Listener:
-    """A listener that feeds three streams and hands every event on to ``then``. Raises DraglagError without pylsl.
+    """A listener that feeds three streams, and ``then``. Raises DraglagError.
 
     Streams: "draglag touch" (x_mm, y_mm, contact_id), "draglag laser" (light), "draglag markers" ("begin run-01
     circle", "end run-01 complete"). ``source`` identifies them after a restart.

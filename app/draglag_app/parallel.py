@@ -1,4 +1,4 @@
-"""Work on many items, on local cores or a Dask cluster, through joblib."""
+"""Work on local cores or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ A_CORE = 8  # items a core of the cluster between two reports of progress: at mo
 
 
 class Unavailable(DraglagError):
-    """The cluster asked for is not available."""
+    """The cluster is not available."""
 
 
 def spread(
@@ -34,10 +34,10 @@ def spread(
     """Place and result of every item, in order of completion. Raises Unavailable, DraglagError.
 
     Args:
-        work: importable by workers; an exception ends all work.
-        jobs: processes; None for one per core, 1 for this process alone.
-        scheduler: address of a Dask scheduler to use instead.
-        modules: files to upload to the cluster.
+        work: importable by workers; an exception ends all.
+        jobs: processes; None: one per core; 1: this process.
+        scheduler: a Dask scheduler's address.
+        modules: files to upload there.
     """
     if scheduler is not None:
         return _on_cluster(work, items, scheduler, modules)

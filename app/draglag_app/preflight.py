@@ -31,7 +31,7 @@ _STEP_S = 0.25
 
 @dataclass(frozen=True)
 class Check:
-    """One check with measured value and limit."""
+    """One check."""
 
     name: str
     state: State
@@ -65,7 +65,7 @@ class _Observed:
 
 
 def ready(checks: list[Check]) -> bool:
-    """Whether no check failed; warnings are for the operator to judge."""
+    """Whether no check failed."""
     return all(check.state != "fault" for check in checks)
 
 
@@ -80,10 +80,10 @@ def preflight(
     """Checks while all sources are open; faults are rows, never exceptions.
 
     Args:
-        screen: the panel, to compare the touchscreen's size with.
+        screen: to compare the touchscreen's size with.
         screen_name: of the simulated world.
-        watch_s: a longer time bounds the drift of clocks more closely.
-        folder: where sessions will be saved.
+        watch_s: longer bounds the drift of clocks more closely.
+        folder: for sessions.
         on_progress: called with the fraction done.
     """
     yield _disk(folder or Path.cwd())

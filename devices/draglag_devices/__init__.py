@@ -1,1 +1,1 @@
-"""Sources of timed samples: touch, laser and WALT, real, simulated or replayed."""
+"""Sources of timed samples, real, simulated or replayed."""

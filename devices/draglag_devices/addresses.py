@@ -1,4 +1,4 @@
-"""Device addresses, ``scheme:target?option=value&…``; only an address chooses the simulator, never a missing device."""
+"""Device addresses, ``scheme:target?option=value&…``; no missing device is replaced by the simulator."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def as_mapping(fit: AffineFit) -> Mapping2D:
 def save_calibration(fit: AffineFit, path: Path, device: str = "", made: TouchCalibration | None = None) -> None:
     """Write a fit, and the touches it was ``made`` from. Raises DataError.
 
-    ``device``: the touchscreen's name; without one the file serves any.
+    ``device``: the touchscreen; without one the file serves any.
     """
     content: dict[str, object] = {
         "format": _FORMAT,
@@ -73,7 +73,7 @@ def load_calibration(path: Path) -> tuple[AffineFit, str]:
 
 
 def load_touches(path: Path) -> TouchCalibration:
-    """A saved calibration; touches empty where the file has none. Raises DataError."""
+    """A saved calibration; without touches in old files. Raises DataError."""
     fit, device = load_calibration(path)
     content = _read(path)
     touches = content.get("touches", dict.fromkeys(_TOUCHES, ()))

@@ -13,7 +13,7 @@ _DRIFT_SIGMA = 1e-4
 
 
 class OnlineClockMap:
-    """A line through the last ``keep`` bounds of an epoch, weighted by their width; prior of the drift 0 ± 100 ppm."""
+    """A line through an epoch's last ``keep`` bounds, weighted by width; prior of the drift 0 ± 100 ppm."""
 
     def __init__(self, keep: int = 120) -> None:
         self._bounds: deque[tuple[float, float, float]] = deque(maxlen=keep)
@@ -37,7 +37,7 @@ class OnlineClockMap:
         return bool(self._bounds)
 
     def to_host(self, device_s: FloatArray) -> FloatArray:
-        """Host times, (n,) → (n,). Raises ValueError before the first bounds."""
+        """Host times, (n,). Raises ValueError before any bounds."""
         if not self._bounds:
             raise ValueError("no bounds between the device's clock and the host's yet")
         if self._line is None:

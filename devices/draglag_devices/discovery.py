@@ -25,7 +25,7 @@ class Found:
 
 @runtime_checkable
 class Discovers(Protocol):
-    """A driver's module that lists devices; ``probe`` is passed to EtherCAT's alone."""
+    """A driver's module that lists devices; only EtherCAT's gets ``probe``."""
 
     def discover(self, probe: Collection[str] = ()) -> list[Found]:
         """Devices present."""
@@ -33,7 +33,7 @@ class Discovers(Protocol):
 
 
 def discover(probe: Collection[str] = ()) -> list[Found]:
-    """The simulator, then each driver's devices; an entry with the remedy for a driver without its package.
+    """The simulator and each driver's devices; a driver without its package gives a remedy.
 
     ``probe``: interfaces to ask for EtherCAT devices although in use.
     """

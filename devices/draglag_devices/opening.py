@@ -15,11 +15,9 @@ from draglag_devices.stage import Stage
 
 
 def open_source(address: str | Address, role: str, stage: Stage | None = None) -> Source:
-    """The source at an address, not yet open. Raises DeviceError, also for a missing driver.
+    """The source at an address, not yet open. Raises DeviceError.
 
-    Args:
-        role: "touch" | "laser" | "walt".
-        stage: what the sources of one session share; a new one if None.
+    ``role``: "touch", "laser" or "walt". ``stage``: shared by a session's sources.
     """
     parsed = parse_address(address) if isinstance(address, str) else address
     if role not in ROLES:

@@ -40,7 +40,7 @@ _COLUMNS = {"touch": ("t_s", "x_mm", "y_mm"), "laser": ("t_s", "light")}
 
 
 class Tape:
-    """A recording played run by run, shifted to the target's start: the run of that id, else the next unplayed."""
+    """A recording played run by run, from the target's start: the run of that id, else the next."""
 
     def __init__(self, name: str, runs: tuple[Run, ...], taps: Taps | None = None) -> None:
         self.name = name
@@ -67,7 +67,7 @@ class Tape:
             self.timelines[role].add(clock=_with_upper_bound(moved))
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
-        """Play the shocks and the contacts that the kernel registered."""
+        """Play shocks, and contacts as registered."""
         taps = self._taps
         if taps is None or len(taps.physical_s) == 0:
             return
@@ -90,7 +90,6 @@ class Tape:
 
 
 def _with_upper_bound(bounds: ClockBounds) -> ClockBounds:
-    """Comparisons with an upper bound: others have no time of release."""
     good = np.isfinite(bounds.host_max_s)
     epoch = bounds.epoch[good] if len(bounds.epoch) else bounds.epoch
     return replace(
@@ -103,7 +102,7 @@ def _with_upper_bound(bounds: ClockBounds) -> ClockBounds:
 
 
 def replay_source(stage: Stage, role: str, address: Address) -> TimelineSource:
-    """A source that plays a file, read on ``open``. Raises DeviceError."""
+    """A source that plays a file. Raises DeviceError."""
     address.only(*OPTIONS)
     timeline = Timeline()
 
@@ -198,7 +197,7 @@ def _csv_tape(path: Path, role: str) -> Tape:
 
 
 def read_csv(path: Path, columns: tuple[str, ...]) -> list[FloatArray]:
-    """Columns, each (n,), of a CSV file with a header. Raises DataError."""
+    """Columns, each (n,), of a CSV file. Raises DataError."""
     table = read_table(path, columns)
     wrong = ~np.isfinite(table).all(axis=1) | (np.abs(table[:, 0]) > TIME_S)
     wrong[1:] |= np.diff(table[:, 0], prepend=-np.inf)[1:] < 0

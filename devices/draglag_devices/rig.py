@@ -29,12 +29,12 @@ class Rig:
 def make_rig(
     addresses: Mapping[str, str], screen_name: str = "screen-1", seed: int = 0, fast: bool | None = None
 ) -> Rig:
-    """Sources at their addresses, by role. Raises DeviceError, also where addresses contradict each other.
+    """Sources by role. Raises DeviceError, also where addresses contradict each other.
 
     Args:
-        addresses: role ("touch", "laser", "walt") → address.
-        screen_name, seed: of the simulated world, unless an address gives them (``sim:?seed=3``).
-        fast: instead of real time; None leaves it to ``?speed=`` (default real).
+        addresses: role → address.
+        screen_name, seed: of the simulated world, unless an address gives them.
+        fast: not in real time; None: by ``?speed=``.
     """
     parsed = {role: parse_address(text) for role, text in addresses.items()}
     simulated = [address for address in parsed.values() if address.scheme == "sim"]
@@ -65,16 +65,16 @@ def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
 
 
 def give_panel(sources: Iterable[Source], screen: Screen) -> None:
-    """Give the panel's size to sources that accept it; before they are opened."""
+    """Give the panel's size to sources that accept it; before ``open``."""
     for source in sources:
         if isinstance(source, AcceptsPanel):
             source.use_panel(screen.width_mm, screen.height_mm)
 
 
 def give_calibration(rig: Rig, mapping: Mapping2D, device: str, rms_mm: float) -> bool:
-    """Whether a source accepts the mapping; before it is opened.
+    """Whether a source accepts the mapping; before ``open``.
 
-    A touchscreen of another name than ``device`` then refuses to open.
+    Touchscreens of another name than ``device`` then refuse to open.
     """
     accepting = [source for source in rig.sources if isinstance(source, AcceptsCalibration)]
     for source in accepting:

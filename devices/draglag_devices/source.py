@@ -47,12 +47,12 @@ class SourceInfo:
 
 @dataclass(frozen=True)
 class ContactChanges:
-    """Beginnings and ends of contacts by the kernel.
+    """Beginnings and ends of contacts.
 
     Attributes:
-        t_s: (n,) kernel stamp.
-        contact_id: (n,) tracking id.
-        down: (n,) 1 = began, 0 = ended.
+        t_s: (n,) kernel stamps.
+        contact_id: (n,) tracking ids.
+        down: (n,) 1 began, 0 ended.
     """
 
     t_s: FloatArray
@@ -64,8 +64,7 @@ class ContactChanges:
 class Batch:
     """Result of one read; complete up to the host time ``until_s``.
 
-    ``alive`` is False while a lost device is searched for. A WALT reports shocks as taps with ``registered_s`` NaN,
-    which the session pairs with ``contacts``.
+    ``alive``: False while a lost device is searched for. A WALT's shocks are taps with ``registered_s`` NaN.
     """
 
     until_s: float
@@ -89,7 +88,7 @@ class Source(Protocol):
         ...
 
     def read(self, timeout_s: float) -> Batch:
-        """Samples, after waiting at most ``timeout_s``. Raises DeviceError when lost for good."""
+        """Samples, after at most ``timeout_s``. Raises DeviceError when lost for good."""
         ...
 
     def close(self) -> None:
@@ -99,7 +98,7 @@ class Source(Protocol):
 
 @runtime_checkable
 class Paced(Protocol):
-    """A source that need not run in real time; without this, it does."""
+    """A source that says whether it runs in real time."""
 
     realtime: bool
     """False where a reader may wait until samples are used (simulation, replay)."""
@@ -107,19 +106,19 @@ class Paced(Protocol):
 
 @runtime_checkable
 class AcceptsPanel(Protocol):
-    """A touchscreen that needs the panel's size where it reports no units per mm."""
+    """A touchscreen that may need the panel's size."""
 
     def use_panel(self, width_mm: float, height_mm: float) -> None:
-        """Take the panel's size; before ``open``."""
+        """Take the size, for axes without units per mm; before ``open``."""
         ...
 
 
 @runtime_checkable
 class AcceptsCalibration(Protocol):
-    """A touchscreen whose units a calibration maps to mm."""
+    """A touchscreen with a mapping to mm."""
 
     def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
-        """Take the mapping, its touchscreen's name and the fit's residual; before ``open``."""
+        """Take the mapping, made on ``device``, with its residual; before ``open``."""
         ...
 
 
@@ -128,14 +127,14 @@ class Concludes(Protocol):
     """A source with notices left when reading ends."""
 
     def final_notices(self) -> tuple[Notice, ...]:
-        """Unreported notices; once, between last ``read`` and ``close``, from the reading thread."""
+        """Unreported notices; called once before ``close``, from the reading thread."""
         ...
 
 
 @runtime_checkable
 class Synchronises(Protocol):
-    """A source that can fully compare its clock with the host's on request."""
+    """A source that compares clocks on request."""
 
     def synchronise(self) -> threading.Event:
-        """An event, set just before the ``read`` that returns the comparison, if any. From any thread."""
+        """An event, set just before ``read`` returns a full comparison, if any. From any thread."""
         ...

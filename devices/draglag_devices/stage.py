@@ -45,9 +45,9 @@ class TouchesTargets(Protocol):
 
 @dataclass
 class Stage:
-    """What the sources of one session share.
+    """Shared by a session's sources.
 
-    ``players``: by a key such as "sim" or a tape's path, so that touch and laser of a tape stay together.
+    ``players``: by a key such as a tape's path, so that its touch and laser stay together.
     """
 
     time_base: TimeBase = field(default_factory=HostTime)
@@ -81,7 +81,7 @@ class Stage:
 
 
 def contact_changes(touch: TouchTrace, lift_after_s: float) -> ContactChanges:
-    """Beginnings and ends of contacts, an end ``lift_after_s`` after the last event."""
+    """Beginnings and ends of contacts, ends ``lift_after_s`` after the last event."""
     n = len(touch.t_s)
     if n == 0:
         return ContactChanges(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))

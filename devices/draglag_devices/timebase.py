@@ -21,7 +21,7 @@ class TimeBase(Protocol):
         ...
 
     def wait_past(self, t_s: float, timeout_s: float) -> float:
-        """``now()`` once later than ``t_s``, or after ``timeout_s`` of real time."""
+        """``now()`` once past ``t_s``, or after ``timeout_s`` of real time."""
         ...
 
 
@@ -44,7 +44,7 @@ class HostTime:
 
 
 class SteppedTime:
-    """A clock that stands still until the session advances it. Thread-safe."""
+    """A clock that only ``advance_to`` moves. Thread-safe."""
 
     realtime = False
 

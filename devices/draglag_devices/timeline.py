@@ -34,7 +34,7 @@ def sample_times(
 
 
 def part(samples: _Samples, first: int, last: int) -> _Samples:
-    """Samples ``first``..``last`` (excluded); counts and gaps stay with the first part."""
+    """Samples ``first`` to before ``last``; the first part has counts and gaps."""
     n = len(sample_times(samples))
     changed: dict[str, Any] = {}
     for spec in fields(samples):
@@ -133,8 +133,7 @@ class Timeline:
 class TimelineSource:
     """A source that reads a timeline.
 
-    Edges with device stamps are mapped through the bounds so far, as by a real driver. ``device_clock`` stamps a WALT's
-    shocks: taps hold no device stamps.
+    Edges' device stamps are mapped through bounds so far, as by a real driver. ``device_clock``: stamps of shocks.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The command line. Commands are imported on use: `draglag --help` is fast."""
+"""The command line, which imports commands on use."""
 
 from draglag_app.cli.main import cli, main
 

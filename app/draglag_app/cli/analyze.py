@@ -1,4 +1,4 @@
-"""``draglag analyze``: the estimates of a session."""
+"""``draglag analyze``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The work on one of many sessions."""
+"""One of many sessions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ GAP_COLUMNS = (
 
 @dataclass(frozen=True)
 class Sparkline:
-    """A small picture: a line through points, single marks, a level."""
+    """A small picture: line, marks, level."""
 
     x: tuple[float, ...] = ()
     y: tuple[float, ...] = ()
@@ -42,7 +42,7 @@ class Sparkline:
 
 @dataclass(frozen=True)
 class Outcome:
-    """One session done; ``problem`` where it failed."""
+    """One session's results, or ``problem``."""
 
     file: str
     row: dict[str, Any]
@@ -53,7 +53,7 @@ class Outcome:
 
 
 def options_kept(options: AnalysisOptions, model: str = "") -> dict[str, Any]:
-    """Options as stored with a result; ``model``: file of the correction."""
+    """Options as stored with a result; ``model``: of the correction."""
     return {
         "estimator": options.estimator,
         "update_rate_hz": options.update_rate_hz,

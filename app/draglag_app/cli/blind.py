@@ -1,4 +1,4 @@
-"""``draglag blind``: the hidden-effect benchmark in tests/blind of a checkout."""
+"""``draglag blind``, in a checkout."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``draglag check``: one line per check."""
+"""``draglag check``."""
 
 from __future__ import annotations
 

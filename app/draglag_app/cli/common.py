@@ -25,14 +25,14 @@ NAME_BYTES = 200
 
 
 class Seed(click.IntRange):
-    """A seed of at most 128 bits."""
+    """At most 128 bits."""
 
     def __init__(self) -> None:
         super().__init__(min=0, max=WHOLE_MOST)
 
 
 class FiniteRange(click.FloatRange):
-    """A range that also refuses inf and nan."""
+    """Refuses inf and nan."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
@@ -60,7 +60,7 @@ def load_session(path: Path) -> Session:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yields a temporary place; the file gets its name when the block ends. Raises DataError."""
+    """Yields a place; the file gets its name at the block's end. Raises DataError."""
     from draglag.system.temporary import new_file
 
     try:
@@ -83,9 +83,9 @@ def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> Non
 
 
 def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
-    """Store a result in its session file; failure is a warning, or a DataError if it ``must`` be.
+    """Store a result in its session file; failure is a warning, or a DataError if ``must``.
 
-    Exchange folders and journals keep no results, without a warning.
+    Nothing is said of exchange folders and journals, which keep none.
     """
     from draglag.store import add_analysis
     from draglag.store.journal import is_journal
@@ -114,7 +114,7 @@ def warn(*texts: str) -> None:
 
 
 def refuse_existing(path: Path) -> None:
-    """Raise DataError, before long work, for a path that cannot be a new file."""
+    """Raise DataError for a path that cannot be a new file."""
     if os.path.lexists(path):
         raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another name")
     if len(os.fsencode(path.name)) > NAME_BYTES:
@@ -130,7 +130,7 @@ def refuse_existing(path: Path) -> None:
 
 @contextmanager
 def progress(label: str) -> Iterator[Progress | None]:
-    """Yields the callback of a bar on stderr, or None without a terminal."""
+    """Yields the callback of a bar, or None without a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -144,14 +144,14 @@ def progress(label: str) -> Iterator[Progress | None]:
 
 
 def print_json(value: Mapping[str, Any]) -> None:
-    """One JSON object on stdout; NaN becomes null."""
+    """One JSON object; NaN becomes null."""
     from draglag.store import to_json
 
     click.echo(to_json(value))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
-    """A text table; the first ``left`` columns and the last are left-aligned."""
+    """A text table, numbers right-aligned: all columns but the first ``left`` and the last."""
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
 
     def line(row: Sequence[str]) -> str:

@@ -32,7 +32,7 @@ COLUMNS = ("session", "rank", "rank_low", "rank_high", "mean_latency_ms", "low_m
 
 @dataclass(frozen=True)
 class Found:
-    """The curve of a session or model, or why there is none."""
+    """A curve, or why there is none."""
 
     curve: CurveFit | None = None
     source: Source | None = None

@@ -1,4 +1,4 @@
-"""``draglag demo``: a simulated measurement by the code of a real one."""
+"""``draglag demo``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The commands, and how errors reach people."""
+"""The commands and their errors."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _SHOWN = 200  # characters of a name in a message
 
 
 class LazyGroup(click.Group):
-    """A group that imports a command when called."""
+    """Imports a command when called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -70,7 +70,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """A session file in place of a command opens the window."""
+        """Session files open the window."""
         if args[0].endswith((".h5", ".partial")):
             return args[0], load(_OPEN_SESSION), args
         return super().resolve_command(ctx, args)
@@ -102,7 +102,7 @@ def cli(ctx: click.Context) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Exit code 0 done, 1 error of data or rig, 2 usage."""
+    """Exit code 0 done, 1 error, 2 usage."""
     sweep_for(sys.argv[1:] if arguments is None else arguments)
     guard_output()
     cli.main(args=None if arguments is None else list(arguments), prog_name="draglag")
@@ -115,7 +115,7 @@ def load(place: str) -> Any:
 
 
 def spoken(action: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a command; an error becomes a line on stderr and exit 1, a bug also a saved traceback."""
+    """Run a command; an error becomes a line on stderr and exit 1, a bug also a file."""
     try:
         return action(*arguments)
     except (click.exceptions.Exit, click.ClickException, click.Abort):

@@ -21,7 +21,7 @@ Function = Callable[..., Any]
 
 
 def work_options(command: Function) -> Function:
-    """Options on where the work is done."""
+    """Options on the place of work."""
     for option in (
         click.option("--scheduler", metavar="ADDRESS", help="Work on a Dask cluster: its scheduler, as tcp://host:8786."),
         click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. Default: one a core."),
@@ -31,7 +31,7 @@ def work_options(command: Function) -> Function:
 
 
 def many_options(command: Function) -> Function:
-    """Options of a command for one session or many."""
+    """Options for one session or many."""
     command = work_options(command)
     for option in (
         click.option("--summary", "summary_path", type=click.Path(path_type=Path), metavar="FILE.html",
@@ -44,9 +44,9 @@ def many_options(command: Function) -> Function:
 
 
 def sessions_in(paths: Sequence[Path]) -> list[Path]:
-    """Session files and exchange folders, each once. Raises DataError where one path has none.
+    """Session files and exchange folders, each once. Raises DataError where a path has none.
 
-    In a folder: session files down to one level below, and exchange folders.
+    In folders: exchange folders, session files down to one level below.
     """
     found: dict[Path, None] = {}
     for path in paths:
@@ -69,14 +69,14 @@ def is_one(paths: Sequence[Path]) -> bool:
 
 
 def only_one(asked: Mapping[str, object]) -> None:
-    """Raise click.UsageError for an option used with many sessions."""
+    """Raise click.UsageError for options without many sessions."""
     for name, value in asked.items():
         if value:
             raise click.UsageError(f"{name} works on one session, and several are named.")
 
 
 def only_many(asked: Mapping[str, object]) -> None:
-    """Raise click.UsageError for an option used with one session."""
+    """Raise click.UsageError for options of many sessions."""
     for name, value in asked.items():
         if value is not None:
             raise click.UsageError(f"{name} is of many sessions; name several, a folder of them or a glob.")
@@ -103,7 +103,7 @@ def run_many(
     jobs: int | None,
     scheduler: str | None,
 ) -> list[Outcome]:
-    """The outcome of every path, in their order."""
+    """Every path's outcome, in their order."""
     done: dict[int, Outcome] = {}
     with progress(label) as report:
         for place, outcome in spread(work, paths, jobs, scheduler):
@@ -114,7 +114,7 @@ def run_many(
 
 
 def refuse_outputs(out: Path | None, *others: Path | None) -> None:
-    """Raise, before long work, for outputs that cannot be written."""
+    """Raise for outputs that cannot be written."""
     for path in filter(None, (out, *others)):
         refuse_existing(path)
     if out is not None and out.suffix not in (".csv", ".parquet"):
@@ -141,9 +141,9 @@ def conclude(
     outcomes: Sequence[Outcome], columns: Sequence[str], shown: Sequence[tuple[str, str, int]], *, legend: str,
     title: str, out: Path | None, summary: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Print results, write table and page, name failures; exit 1 if any.
+    """Write the results, name failures; exit 1 if any.
 
-    ``shown``: columns for people, with head and digits (−1: no number).
+    ``shown``: columns, heads and digits (−1: no number) for people.
     """
     head = [name for _, name, _ in shown]
     cells = [[_cell(outcome.row, key, digits) for key, _, digits in shown] for outcome in outcomes]

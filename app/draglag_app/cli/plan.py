@@ -1,4 +1,4 @@
-"""``draglag plan``: the precision a protocol will give."""
+"""``draglag plan``."""
 
 from __future__ import annotations
 

@@ -111,7 +111,7 @@ def record(
 
 
 def display_number(display: str, screen_number: str | None) -> int | None:
-    """Number of the screen from 1; None for offscreen. Raises click.UsageError."""
+    """The screen's number, None offscreen. Raises click.UsageError."""
     words = re.fullmatch(r"screen[ :=-]?(\d*)", display)
     if display == "offscreen" and screen_number is None:
         return None
@@ -124,7 +124,7 @@ def display_number(display: str, screen_number: str | None) -> int | None:
 def session_options(
     rig: Rig, screen_name: str, seed: int | None, stylus_mm: float | None = None, note: str = ""
 ) -> SessionOptions:
-    """Options with screen, stylus and beam, those of the simulated world if any. Raises DataError."""
+    """Options, with a simulated world's stylus and beam. Raises DataError."""
     preset = load_screen_file(screen_name)
     screen = Screen(preset.name, **preset.screen.model_dump())
     stylus, beam = Stylus(preset.stylus.diameter_mm), None
@@ -137,7 +137,7 @@ def session_options(
 
 
 def calibrated(rig: Rig, touch: str, path: Path) -> TouchCalibration:
-    """A saved calibration, now used by the touchscreen. Raises DataError."""
+    """A saved calibration, given to the touchscreen. Raises DataError."""
     fit, device = load_calibration(path)
     if "calibration" in parse_address(touch).options:
         raise DataError(
@@ -161,8 +161,7 @@ def record_with(
 ) -> Path:
     """The path of a recorded session. Raises DraglagError, also when it ended early.
 
-    ``spare``: folder to continue in when that of ``out`` is full or gone. ``lsl``: also stream to the Lab Streaming
-    Layer.
+    ``spare``: folder to continue in when ``out`` is full or gone. ``lsl``: also stream there.
     """
     problem = ""
     notify = progress_printer()
@@ -212,8 +211,7 @@ def _on_screen(number: int) -> _OnScreen:
 
 @contextmanager
 def stop_on_signals(control: Control) -> Iterator[None]:
-    """The first SIGINT, SIGTERM or SIGHUP (terminal closed) ends the session properly; a second SIGINT acts as
-    usual."""
+    """The first SIGINT, SIGTERM or SIGHUP ends the session properly; a second SIGINT acts as usual."""
     before: dict[signal.Signals, Any] = {}
 
     def stop(number: int, frame: FrameType | None) -> None:
@@ -237,7 +235,7 @@ def stop_on_signals(control: Control) -> Iterator[None]:
 
 
 def progress_printer() -> events.Listener:
-    """A listener that prints runs and warnings on stderr."""
+    """A listener that prints on stderr."""
     quiet = not sys.stderr.isatty()
     numbers: dict[str, str] = {}
 

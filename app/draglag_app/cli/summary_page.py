@@ -20,7 +20,7 @@ polyline{fill:none;stroke:#0072b2;stroke-width:1.5}line{stroke:#d55e00;stroke-da
 
 
 def page(title: str, head: Sequence[str], rows: Sequence[tuple[Outcome, Sequence[str]]], legend: str) -> str:
-    """The page. ``legend``: what the pictures show."""
+    """The page; ``legend``: of the pictures."""
     frame = _frame([outcome.picture for outcome, _ in rows])
     columns = list(zip(*(cells for outcome, cells in rows if not outcome.problem), strict=True)) or [()] * len(head)
     types = [_column_type(column) for column in columns]

@@ -1,4 +1,4 @@
-"""Control characters in names and notes of a file must not reach a terminal."""
+"""A terminal gets no control characters from files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from draglag.errors import one_line
 
 
 class _Printable(TextIOWrapper):
-    """Text without control characters other than tabs and line ends."""
+    """Without control characters."""
 
     def write(self, text: str, /) -> int:
         lines = (part if part in "\n\t" else one_line(part) for part in _parts(text))
@@ -26,7 +26,7 @@ def _parts(text: str) -> list[str]:
 
 
 def guard_output() -> None:
-    """Let only printable text reach a terminal; files and pipes get everything."""
+    """Let only printable text reach a terminal."""
     out = sys.stdout
     if isinstance(out, TextIOWrapper) and not isinstance(out, _Printable) and out.isatty():
         encoding, errors, by_line = out.encoding, out.errors, out.line_buffering

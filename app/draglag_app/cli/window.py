@@ -24,7 +24,7 @@ _TIMEOUT_S = 20.0  # Qt starts within half a second; a display that does not ans
 
 
 def need_display() -> None:
-    """Raises DraglagError without a display, where Qt would end the program."""
+    """Raises DraglagError without a display: Qt would end the program."""
     display, platform = os.environ.get("DISPLAY", ""), os.environ.get("QT_QPA_PLATFORM", "")
     if platform in _NEED_NONE:
         return
@@ -39,7 +39,7 @@ def need_display() -> None:
 
 
 def _qt_starts() -> bool:
-    """Whether Qt starts; tried in another process, which it may end."""
+    """In another process, which it may end."""
     trial = [sys.executable, "-c", "from PySide6.QtGui import QGuiApplication; QGuiApplication([])"]
     try:
         done = subprocess.run(trial, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=False)
@@ -50,7 +50,7 @@ def _qt_starts() -> bool:
 
 
 def open_window(session: Path | None = None) -> int:
-    """The exit code of the operator window, once closed. Raises DraglagError where it cannot open."""
+    """The operator window's exit code. Raises DraglagError."""
     need(*WINDOW_MODULES)
     need_display()
     try:

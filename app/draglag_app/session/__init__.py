@@ -1,4 +1,4 @@
-"""The acquisition session: one thread per source, one writer."""
+"""The acquisition session."""
 
 from draglag_app.session.acquire import run_session
 from draglag_app.session.control import Control

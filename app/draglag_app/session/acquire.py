@@ -32,19 +32,18 @@ def run_session(
     listener: events.Listener = lambda event: None,
     control: Control | None = None,
 ) -> Path:
-    """The path of a new session file with a recorded protocol. Blocks until it is closed.
+    """The path of a new, closed session file with a recorded protocol.
 
     Args:
-        rig: sources, not yet open; runs need the roles "touch" and "laser", taps "touch" and "walt".
+        rig: not yet open; runs need the roles "touch" and "laser", taps "touch" and "walt".
         listener: called with every event, from two threads.
         control: requests from other threads.
 
-    When the session ends early, the file holds what was recorded, and ``SessionFinished.problem`` says why.
+    When the session ends early, the file has what was recorded; ``SessionFinished.problem`` says why.
 
     Raises:
-        OpenFaults: sources cannot be opened; nothing was written.
-        DataError: the file exists or cannot be written (what was flushed is in the ``.partial`` file), or a target
-            does not fit the screen.
+        OpenFaults: nothing was written.
+        DataError: the file cannot be written (the rest is in ``.partial``), or a target does not fit the screen.
     """
     plan = expand(protocol, options.screen, options.seed, beam=options.beam)
     roles = {source.role for source in rig.sources}

@@ -1,4 +1,4 @@
-"""Clock comparisons before and after every block."""
+"""Clock comparisons around blocks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _COMPARE_S = 8.0
 
 
 class Comparisons:
-    """Requests comparisons of sources that offer them."""
+    """Requests clock comparisons."""
 
     def __init__(self, sources: Iterable[Source], time_base: TimeBase, saver: Saver) -> None:
         self._comparing = {source.role: source for source in sources if isinstance(source, Synchronises)}
@@ -24,12 +24,12 @@ class Comparisons:
         self._saver = saver
 
     def ask(self, roles: tuple[str, ...]) -> dict[str, threading.Event]:
-        """Role → event, set when that source has compared."""
+        """Role → event, set once compared."""
         living = {role: source for role, source in self._comparing.items() if role not in self._saver.lost}
         return {role: source.synchronise() for role, source in living.items() if role in roles}
 
     def wait(self, roles: tuple[str, ...]) -> None:
-        """Compare, and wait until it is saved with the block."""
+        """Compare; wait until saved."""
         deadline_s = time.monotonic() + _COMPARE_S
         for role, done in self.ask(roles).items():
             while not done.wait(TICK_S) and time.monotonic() < deadline_s and role not in self._saver.lost:

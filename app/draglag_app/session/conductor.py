@@ -52,7 +52,7 @@ class _Recorded:
 
 
 class Conductor:
-    """Runs the protocol and takes the operator's requests."""
+    """Runs the protocol."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class Conductor:
         self._compare = Comparisons(rig.sources, self._time, self._saver)
 
     def run_plan(self, plan: tuple[PlannedRun, ...]) -> None:
-        """Clock check, taps, runs, taps, clock check, with rests between."""
+        """Run and repeat all steps."""
         self._watch.pulse.start()
         try:
             self._run_steps(plan)

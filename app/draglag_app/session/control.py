@@ -9,7 +9,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Place:
-    """Where to go on saving; without a folder, the same place, which has room now."""
+    """Where to save; None: the same place, with room now."""
 
     folder: Path | None = None
 
@@ -18,10 +18,10 @@ class Control:
     """Requests that the session polls. Thread-safe.
 
     Args:
-        auto: begin each run after the rest; else wait for ``proceed()``.
-        asks: somebody answers (``name_place``) when nothing can be saved.
-        spare: folder to go on in then, without asking; used once.
-        retries: queue again runs that went wrong or give no latency.
+        auto: begin runs after the rest, without ``proceed()``.
+        asks: somebody calls ``name_place`` when asked.
+        spare: folder to use once instead of asking.
+        retries: queue runs that went wrong.
     """
 
     def __init__(self, auto: bool = True, asks: bool = False, spare: Path | None = None, retries: bool = False) -> None:
@@ -39,31 +39,31 @@ class Control:
         self._queue: list[str] = []
 
     def stop(self) -> None:
-        """Abort the run, end the session, close the file."""
+        """End the session; its file is closed."""
         with self._changed:
             self._stop = self._abort = True
             self._changed.notify_all()
 
     def abort_run(self) -> None:
-        """End the present run; its data are kept."""
+        """End the run; its data are kept."""
         with self._changed:
             self._abort = True
             self._changed.notify_all()
 
     def repeat_run(self) -> None:
-        """Record the present or last run again, under a new id."""
+        """Record the present or last run again."""
         with self._changed:
             self._repeat = True
             self._changed.notify_all()
 
     def queue(self, run_id: str) -> None:
-        """Record that planned run again after the others."""
+        """Record a planned run again after the others."""
         with self._changed:
             if run_id not in self._queue:
                 self._queue.append(run_id)
 
     def unqueue(self, run_id: str) -> bool:
-        """Whether the run was queued; it no longer is."""
+        """Whether the run was queued; no longer."""
         with self._changed:
             there = run_id in self._queue
             self._queue = [queued for queued in self._queue if queued != run_id]
@@ -71,7 +71,7 @@ class Control:
 
     @property
     def queued(self) -> tuple[str, ...]:
-        """Planned runs that will be recorded again, in order."""
+        """Runs to record again, in order."""
         with self._changed:
             return tuple(self._queue)
 
@@ -80,25 +80,25 @@ class Control:
         return self._retries
 
     def proceed(self) -> None:
-        """Begin the next run without waiting."""
+        """Begin the next run now."""
         with self._changed:
             self._proceed = True
             self._changed.notify_all()
 
     def name_place(self, folder: Path | None) -> None:
-        """Go on saving in that folder; None: where it was."""
+        """Save in that folder; None: where it was."""
         with self._changed:
             self._place = Place(folder)
             self._changed.notify_all()
 
     def no_place(self) -> None:
-        """No place will be named: a session that cannot save ends."""
+        """Let a session that cannot save end."""
         with self._changed:
             self._asks, self._spare = False, None
             self._changed.notify_all()
 
     def note(self, text: str) -> None:
-        """Add a note for the file, stamped when taken."""
+        """A note, stamped when taken."""
         with self._changed:
             self._notes.append(text)
             self._changed.notify_all()
@@ -114,12 +114,12 @@ class Control:
 
     @property
     def aborting(self) -> bool:
-        """Whether the present run shall end."""
+        """Whether the run shall end."""
         with self._changed:
             return self._abort
 
     def take_abort(self) -> bool:
-        """Whether an abort was requested; cleared, unless the session is to stop."""
+        """Whether to abort; cleared, unless stopping."""
         with self._changed:
             asked, self._abort = self._abort, self._stop
             return asked
@@ -147,12 +147,12 @@ class Control:
 
     @property
     def has_place(self) -> bool:
-        """Whether another place is, or may be, named."""
+        """Whether a place is, or may be, named."""
         with self._changed:
             return self._asks or self._spare is not None
 
     def wait_for_place(self, stoppable: bool) -> Place | None:
-        """The place, once named; None if none will be, or (``stoppable``) the session is to stop."""
+        """The named place; None if none will be, or (``stoppable``) when stopping."""
         with self._changed:
             if self._spare is not None:
                 place, self._spare = Place(self._spare), None

@@ -1,4 +1,4 @@
-"""Details of a session, and its file's name."""
+"""A session's details and file name."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LONGEST = 200  # of a stem, bytes: file systems take 255 with the endings
 
 
 def check_name(name: str) -> str:
-    """The name of a free field. Raises DataError."""
+    """A free field's name. Raises DataError."""
     if not _NAME.match(name) or name in GIVEN:
         raise DataError(
             message("“{name}” cannot be the name of a field", name=name[:60]),
@@ -43,7 +43,7 @@ def parse_details(texts: Iterable[str]) -> dict[str, str]:
 
 
 def check_template(template: str, fields: Iterable[str] = ()) -> str:
-    """The template of a file name. Raises DataError."""
+    """A file name's template. Raises DataError."""
     known = {*GIVEN, *STANDARD, *fields}
     try:
         parts = [part for part in string.Formatter().parse(template) if part[1] is not None]
@@ -65,7 +65,7 @@ def check_template(template: str, fields: Iterable[str] = ()) -> str:
 def file_name(
     folder: Path, template: str, protocol: str, screen: str, details: Mapping[str, str], now: datetime
 ) -> Path:
-    """An unused path for a session file; empty fields leave no separators. Raises DataError."""
+    """An unused path; empty fields leave no separators. Raises DataError."""
     values = {"date": f"{now:%Y-%m-%d}", "time": f"{now:%H%M%S}", "protocol": protocol, "screen": screen}
     values |= dict.fromkeys(STANDARD, "") | dict(details)
     plain = {key: re.sub(r"[^\w.-]+", "_", value).strip("._") for key, value in values.items()}

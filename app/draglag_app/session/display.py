@@ -1,4 +1,4 @@
-"""The participant's display, as the session needs it."""
+"""The participant's display."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from draglag.recording import DisplayTrace
 
 
 class Display(Protocol):
-    """Shows a target. Called from the session's thread."""
+    """Shows a target, in the session's thread."""
 
     def show(self, target: Target, start_s: float) -> None:
-        """Draw the target; it moves from ``start_s`` (session clock) on."""
+        """Draw the target; it moves from ``start_s`` on."""
         ...
 
     def prompt(self, text: str) -> None:
@@ -23,7 +23,7 @@ class Display(Protocol):
         ...
 
     def frames(self, until_s: float) -> DisplayTrace:
-        """Frames drawn since the last call, up to ``until_s``; ``missed`` counts late ones."""
+        """Frames since the last call, up to ``until_s``."""
         ...
 
     def hide(self) -> None:
@@ -32,7 +32,7 @@ class Display(Protocol):
 
 
 class OffscreenDisplay:
-    """Computes the frames of a screen without drawing."""
+    """Computes frames without drawing."""
 
     def __init__(self, frame_hz: float = 60.0) -> None:
         self.frame_hz = frame_hz

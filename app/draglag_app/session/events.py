@@ -1,4 +1,4 @@
-"""Events of a session; those about data come after the data were appended to the file."""
+"""Events of a session; data are in the file before their event."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class DeviceOpened:
 
 @dataclass(frozen=True)
 class StateChanged:
-    """A run's phase; ``remaining_s`` to the target's start in "countdown", else to its end."""
+    """``remaining_s``: to the target's start in "countdown", else its end."""
 
     run_id: str
     phase: Phase
@@ -38,16 +38,16 @@ class StateChanged:
 
 @dataclass(frozen=True)
 class Resting:
-    """A rest began; ``remaining_s`` is infinite where the operator ends it."""
+    """A rest began; infinite where the operator ends it."""
 
     remaining_s: float
 
 
 @dataclass(frozen=True)
 class RunQueued:
-    """A run went wrong and will be recorded again after the planned ones.
+    """A run will be recorded again after the planned ones.
 
-    ``outcome``: of its recording, or "unusable" for a whole one without a latency.
+    ``outcome``: also "unusable", for a whole one without a latency.
     """
 
     run_id: str
@@ -63,10 +63,7 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class RunPreviewed:
-    """The run so far, soon after its target ended.
-
-    Omitted where a source is late or the run ended early.
-    """
+    """The run so far, soon after its target ended; not if a source is late or the run ended early."""
 
     run: Run
     clocks: tuple[ClockBounds, ...] = ()
@@ -74,7 +71,7 @@ class RunPreviewed:
 
 @dataclass(frozen=True)
 class RunFinished:
-    """A saved run; ``clocks``: comparisons outside the session's runs so far."""
+    """A saved run; ``clocks``: comparisons outside runs."""
 
     run: Run
     outcome: str
@@ -83,14 +80,14 @@ class RunFinished:
 
 @dataclass(frozen=True)
 class SamplesArrived:
-    """A digest of samples for live plots; at most a few hundred points.
+    """A digest of samples for live plots.
 
     Attributes:
-        run_id: empty between runs, when samples are not kept.
-        t_s, x_mm, y_mm: (n,) decimated touch events; edge_s, light: (m,) edges.
-        count: samples before decimation; rate_hz: of them, 0 where unknown.
-        age_s: of the newest sample when read; 0 where only a contact began or ended.
-        lost: samples known to be lost since the session began.
+        run_id: empty where samples are not kept.
+        t_s, x_mm, y_mm: (n,) touch events; edge_s, light: (m,) edges.
+        count: before decimation; rate_hz: 0 where unknown.
+        age_s: of the newest sample when read, else 0.
+        lost: since the session began.
         batch: the samples as read.
     """
 
@@ -145,7 +142,7 @@ class DiskStatus:
 
 @dataclass(frozen=True)
 class PlaceWanted:
-    """Saving fails; the session waits for ``Control.name_place``. ``path``: the session file."""
+    """Saving ``path`` fails; the session waits for ``Control.name_place``."""
 
     path: Path
     problem: str
@@ -154,7 +151,7 @@ class PlaceWanted:
 
 @dataclass(frozen=True)
 class SessionFinished:
-    """The file is closed; ``problem`` is empty if all was recorded."""
+    """The file is closed; ``problem``: why it is not whole."""
 
     path: Path
     problem: str = ""

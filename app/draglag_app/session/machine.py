@@ -1,4 +1,4 @@
-"""A run as a state machine with exactly one outcome."""
+"""A run's states; it has exactly one outcome."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _SEVERITY = ("complete", "aborted", "device_lost", "failed")
 
 @dataclass(frozen=True)
 class RunState:
-    """Phase and, once FINISHED, outcome: "complete" | "aborted" | "device_lost" | "failed"."""
+    """Outcome once FINISHED: "complete", "aborted", "device_lost" or "failed"."""
 
     phase: Phase = Phase.IDLE
     ending: str | None = None
@@ -62,7 +62,7 @@ class RunState:
 
 
 def advance(state: RunState, signal: Signal) -> RunState:
-    """The state after a signal; unchanged if it has no meaning in that phase."""
+    """The next state; unchanged where a signal has no meaning."""
     if state.phase is Phase.FINISHED:
         return state
     if state.phase is Phase.CLOSING and signal is Signal.DRAINED:

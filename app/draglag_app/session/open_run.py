@@ -9,7 +9,7 @@ from draglag.recording import ClockBounds, DisplayTrace, LaserTrace, LogEntry, R
 
 @dataclass
 class OpenRun:
-    """Data saved so far; samples up to ``to_s`` belong to it."""
+    """Data saved so far, of samples up to ``to_s``."""
 
     run: Run
     to_s: float

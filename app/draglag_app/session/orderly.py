@@ -1,4 +1,4 @@
-"""Samples in order of time: one stamp that goes back would make every reader refuse the session."""
+"""One stamp that goes back would make every reader refuse the session."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Order:
         self._said = False
 
     def kept(self, batch: Batch) -> Batch:
-        """The batch without samples that go back, lie ahead or have no time; they count as lost."""
+        """The batch; samples that go back, lie ahead or have no time count as lost."""
         touch, laser = batch.touch, batch.laser
         lost = 0
         if touch is not None and len(touch.t_s):

@@ -1,4 +1,4 @@
-"""When nothing can be saved, the session waits for a place."""
+"""Another place where nothing can be saved."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag_app.session.saver import Saver
 
 
 def resume_elsewhere(saver: Saver, control: Control, emit: events.Listener) -> bool:
-    """Whether saving goes on: a place was named."""
+    """Whether saving goes on."""
 
     def go_on(place: Path | None) -> None:
         saver.call(lambda: saver.resume(place))
@@ -23,7 +23,7 @@ def resume_elsewhere(saver: Saver, control: Control, emit: events.Listener) -> b
 
 
 def close(writer: SessionWriter, control: Control, emit: events.Listener) -> Path:
-    """The session file, elsewhere if necessary. Raises DataError: the journal remains."""
+    """The session file. Raises DataError: the journal remains."""
     try:
         return writer.close()
     except DataError as error:
@@ -40,7 +40,7 @@ def close(writer: SessionWriter, control: Control, emit: events.Listener) -> Pat
 
 
 def elsewhere(failure: DraglagError, partial: Path) -> DataError:
-    """The failure with the remedy after the session."""
+    """The failure with its remedy."""
     return DataError(
         failure.problem,
         message("Make room on the disk, then `draglag verify {file}`, or save it elsewhere with --out", file=partial),

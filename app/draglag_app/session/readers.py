@@ -32,7 +32,7 @@ class Lost:
 
 
 class OpenFaults(DeviceError):
-    """All sources that could not be opened."""
+    """``faults``: one per source."""
 
     def __init__(self, faults: tuple[DeviceError, ...]) -> None:
         self.faults = faults
@@ -44,7 +44,7 @@ class OpenFaults(DeviceError):
 
 
 def open_all(sources: tuple[Source, ...]) -> dict[str, SourceInfo]:
-    """Open every source. Raises OpenFaults, with all closed."""
+    """Open all. Raises OpenFaults, with all closed."""
     opened: list[Source] = []
     infos: dict[str, SourceInfo] = {}
     faults: list[DeviceError] = []
@@ -64,7 +64,7 @@ def open_all(sources: tuple[Source, ...]) -> dict[str, SourceInfo]:
 
 
 def as_device_error(source: Source, error: Exception) -> DeviceError:
-    """Any exception as one about the source."""
+    """The exception as one about the source."""
     if isinstance(error, DeviceError):
         return error
     reason = str(error) or type(error).__name__
@@ -78,8 +78,8 @@ def as_device_error(source: Source, error: Exception) -> DeviceError:
 class ReaderThread(threading.Thread):
     """Reads one source into a bounded queue.
 
-    In simulation and replay a full queue blocks. A real device cannot wait: what does not fit is counted, and sent as
-    ``dropped``/``missed`` and a gap with the next samples that do.
+    Where a real device's samples do not fit, they are counted, and sent as ``dropped``/``missed`` and a gap with the
+    next that do; other sources wait.
     """
 
     def __init__(self, source: Source, post: queue.Queue[object], stop: threading.Event) -> None:
@@ -142,7 +142,7 @@ class ReaderThread(threading.Thread):
 
 
 def count_samples(batch: Batch) -> int:
-    """Number of touch events, edges and taps."""
+    """Touch events, edges and taps."""
     count = 0 if batch.touch is None else len(batch.touch.t_s)
     count += 0 if batch.laser is None else len(batch.laser.t_s)
     return count + (0 if batch.taps is None else len(batch.taps.physical_s))

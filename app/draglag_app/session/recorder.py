@@ -18,7 +18,7 @@ QUEUE_BATCHES = 512
 
 
 class Recorder:
-    """Starts and stops readers and saver, over open sources."""
+    """Starts and stops readers and saver."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Recorder:
             reader.start()
 
     def stop(self) -> None:
-        """Stop reading, save, close the sources; not the file."""
+        """Stop reading, save, close sources; not the file."""
         self._stop_readers.set()
         for reader in self._readers:
             if reader.is_alive():

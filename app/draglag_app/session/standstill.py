@@ -1,4 +1,4 @@
-"""Detects that program or computer stood still: stopped process, suspend, overload."""
+"""Detects a stopped process, suspend, overload."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLEPT_S = 0.1
 
 @dataclass(frozen=True)
 class Standstill:
-    """This program did not run meanwhile (CLOCK_MONOTONIC); ``suspended_s``: time asleep, by CLOCK_BOOTTIME."""
+    """When this program did not run (CLOCK_MONOTONIC); ``suspended_s``: asleep."""
 
     from_s: float
     to_s: float
@@ -47,10 +47,7 @@ def _clocks() -> tuple[float, float]:
 
 
 class Pulse:
-    """Samples the clocks twenty times a second in a thread. Thread-safe.
-
-    Steps of CLOCK_REALTIME do not matter.
-    """
+    """Samples clocks twenty times a second in a thread. Thread-safe."""
 
     def __init__(self, clocks: Callable[[], tuple[float, float]] = _clocks) -> None:
         self._clocks = clocks

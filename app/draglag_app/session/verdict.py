@@ -16,7 +16,7 @@ UNUSABLE = "unusable"
 def went_wrong(run: Run, outcome: str, clocks: Sequence[ClockBounds], stylus_mm: float) -> str:
     """Why a run must be recorded again; empty if usable.
 
-    ``clocks``: comparisons outside the session's runs.
+    ``clocks``: comparisons outside runs.
     """
     if outcome != "complete":
         return outcome

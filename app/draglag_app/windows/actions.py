@@ -1,4 +1,4 @@
-"""The operator's actions, for menus, keys and the Help page."""
+"""The operator's actions."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def say(text: str) -> str:
 
 
 class Actions(QObject):
-    """The table as QActions. ``handlers``: id → callable; an action without one is left out."""
+    """The table as QActions; those without a handler are left out."""
 
     def __init__(self, parent: QObject, handlers: Mapping[str, Callable[[], object]]) -> None:
         super().__init__(parent)
@@ -136,7 +136,7 @@ class Actions(QObject):
             first.insertMenu(first.actions()[1], recent)
 
     def serve(self, window: QWidget) -> None:
-        """Make keys of measuring and of pages work in that window."""
+        """Make keys of measuring and pages work there."""
         window.addActions([self.made[s.id] for s in ACTIONS if s.id in self.made and s.menu in ("measure", "go")])
 
     def run_keys(self) -> list[QAction]:
@@ -157,7 +157,7 @@ class Actions(QObject):
             renamed(what_now)
 
     def set_recording(self, recording: bool) -> None:
-        """Enable the actions of the state."""
+        """Enable the state's actions."""
         for spec in ACTIONS:
             if spec.id in self.made and spec.when != "always":
                 self.made[spec.id].setEnabled((spec.when == "recording") == recording)

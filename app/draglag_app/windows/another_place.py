@@ -1,4 +1,4 @@
-"""The question where to go on when a session cannot save."""
+"""The question where to save."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class AnotherPlace(QDialog):
         self.end.clicked.connect(self._none)
 
     def reject(self) -> None:
-        """Ignore Esc: the session would wait with nobody asked."""
+        """Esc is ignored: the session would wait with nobody asked."""
 
     def _answer(self, folder: Path | None) -> None:
         self._control.name_place(folder)
@@ -59,7 +59,7 @@ class AnotherPlace(QDialog):
 
 
 def ask_another_place(window: QWidget, control: Control | None, event: events.PlaceWanted) -> AnotherPlace | None:
-    """The question, in place of an earlier one; None without a session."""
+    """The question, replacing an earlier one."""
     withdraw(window)
     if control is None:
         return None

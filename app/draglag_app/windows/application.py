@@ -25,7 +25,7 @@ from draglag_resources import resource
 
 
 def make_application(arguments: Sequence[str], settings: Settings | None = None) -> QApplication:
-    """The only application of the process, in the settings' theme and language."""
+    """The process's only application, by the settings."""
     present = QCoreApplication.instance()
     application = cast(QApplication, present) if present is not None else QApplication(list(arguments))
     collect_in_this_thread(application)
@@ -44,7 +44,7 @@ def make_application(arguments: Sequence[str], settings: Settings | None = None)
 
 
 def install_excepthook(report: Callable[[str], None]) -> None:
-    """Report unexpected errors to the operator, with the traceback in a file."""
+    """Report unexpected errors; the traceback is in a file."""
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         if issubclass(kind, KeyboardInterrupt):

@@ -21,9 +21,9 @@ def tr(text: str) -> str:
 
 
 def begin(window: OperatorWindow, asked: bool = False) -> None:
-    """Start recording; where something is missing, only if the operator agrees.
+    """Start recording; where something is missing, if the operator agrees.
 
-    ``asked``: the session's details were asked for already.
+    ``asked``: details were asked for already.
     """
     space = window.space
     if space.settings.ask_details and not asked:

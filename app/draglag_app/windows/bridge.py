@@ -1,4 +1,4 @@
-"""The only bridge from session events of other threads to Qt signals."""
+"""The only bridge from other threads' events to Qt signals."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from draglag_app.session import events
 
 @dataclass(frozen=True)
 class Prompted:
-    """The participant's text, and the target's kind, empty if none."""
+    """What the participant reads; ``kind`` of target."""
 
     text: str
     kind: str = ""
 
 
 class SessionBridge(QObject):
-    """Emits events as signals in this object's thread, in bunches: a 1 kHz source costs one wake-up, not a thousand."""
+    """Emits signals in this object's thread, in bunches: a 1 kHz source costs one wake-up, not a thousand."""
 
     device_opened = Signal(object)
     state_changed = Signal(object)
@@ -54,7 +54,7 @@ class SessionBridge(QObject):
         self._post(event)
 
     def failed(self, error: Exception) -> None:
-        """Queue the exception that ended the session's thread, from any thread."""
+        """Queue the session thread's exception, from any thread."""
         self._post(error)
 
     def _post(self, item: Any) -> None:

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 class Drops(QObject):
-    """Opens one dropped session, compares several.
+    """Opens a dropped session, compares several.
 
-    Fields accept none: file managers also give the path as text, which a field would insert.
+    Fields accept none: they would insert the path as text.
     """
 
     def __init__(self, window: OperatorWindow) -> None:
@@ -49,7 +49,7 @@ class Drops(QObject):
 
 
 def dropped(data: QMimeData) -> list[Path]:
-    """One session file or folder, or several files; else none."""
+    """One session, or several files; else none."""
     paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
     if len(paths) != len(data.urls()):
         return []

@@ -21,7 +21,7 @@ def tr(text: str) -> str:
 
 
 def export_as(window: OperatorWindow, kind: str) -> None:
-    """Ask for a place and write the session as "csv", "netcdf" or "mat"."""
+    """Write the session as "csv", "netcdf" or "mat"."""
     session, source = window.space.session, window.space.path
     if session is None:
         window.notify("info", tr("There is no session to export yet."))
@@ -46,7 +46,7 @@ def export_as(window: OperatorWindow, kind: str) -> None:
 
 
 def export_figures(window: OperatorWindow) -> None:
-    """Ask for a folder and write figures in journal widths."""
+    """Write figures in journal widths."""
     session, analysis = window.space.session, window.space.analysis
     if session is None or analysis is None:
         window.notify("info", tr("There are no results to report yet."))
@@ -61,7 +61,7 @@ def export_figures(window: OperatorWindow) -> None:
 
 
 def export_gap_report(window: OperatorWindow) -> None:
-    """Write the gap report as the page Gap does."""
+    """Write the gap report."""
     from draglag_app.windows.pages.gap import GapPage
 
     page = window.pages["gap"][1]

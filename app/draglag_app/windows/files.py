@@ -1,4 +1,4 @@
-"""Opening, importing, exporting and salvaging sessions."""
+"""Session files of the window."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def tr(text: str) -> str:
 
 
 def open_session(window: OperatorWindow) -> None:
-    """Ask for a session file and open it."""
+    """Ask for a session file."""
 
     def read(path: Path) -> None:
         window.space.open(path, lambda: window.go("results"))
@@ -34,7 +34,7 @@ def open_session(window: OperatorWindow) -> None:
 
 
 def import_folder(window: OperatorWindow) -> None:
-    """Ask for an exchange folder and read it."""
+    """Ask for an exchange folder."""
     title = tr("Import exchange folder")
     ask_folder(window, title, window.space.settings.folder, lambda path: read_folder(window, path))
 
@@ -53,7 +53,7 @@ def read_folder(window: OperatorWindow, path: Path) -> None:
 
 
 def export_session(window: OperatorWindow) -> None:
-    """Ask for a folder and write the session as exchange folder."""
+    """Write an exchange folder."""
     session = window.space.session
     if session is None:
         window.notify("info", tr("There is no session to export yet."))
@@ -73,7 +73,7 @@ def export_session(window: OperatorWindow) -> None:
 
 
 def write_report(window: OperatorWindow) -> None:
-    """Ask for a folder and write the report."""
+    """Write the report."""
     session, analysis = window.space.session, window.space.analysis
     if session is None or analysis is None:
         window.notify("info", tr("There are no results to report yet."))
@@ -91,14 +91,14 @@ def write_report(window: OperatorWindow) -> None:
 
 
 def proposed(window: OperatorWindow, what: str) -> Path:
-    """A path in the session's folder, named after it."""
+    """A path named after the session."""
     path, space = window.space.path, window.space
     stem = path.stem if path is not None else "session"
     return (path.parent if path is not None else Path(space.settings.folder)) / f"{stem}-{what}"
 
 
 def do_work(window: OperatorWindow, what: str, work: Any, where: Path, more: str = "") -> None:
-    """Run ``work`` in a worker, then show the path of its result, and ``more``."""
+    """Run ``work`` in a worker, then show the result's path and ``more``."""
     page = where / "report.html"
 
     def done(result: object) -> None:

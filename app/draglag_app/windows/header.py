@@ -1,4 +1,4 @@
-"""The bar on top of the window."""
+"""The window's top bar."""
 
 from __future__ import annotations
 
@@ -82,14 +82,14 @@ class Header(QFrame):
         self._tick()
 
     def set_light(self, role: str, state: str, tip: str) -> None:
-        """Show a device's state: "off", "ready", "live", "warning" or "fault"."""
+        """Show "off", "ready", "live", "warning" or "fault"."""
         self.lights[role].set_state(state)
         self.lights[role].setToolTip(plain(tip))
         self.lights[role].setAccessibleName(f"{source_name(role)}: {state}")
         self.lights_changed.emit()
 
     def faults(self) -> list[str]:
-        """Known faults of the chosen instruments."""
+        """The chosen instruments' known faults."""
         rig = self._space.settings.rig
         lights = ((role, self.lights[role]) for role in ROLES if getattr(rig, role))
         return [f"{source_name(role)}: {light.toolTip()}" for role, light in lights if light.state == "fault"]

@@ -1,4 +1,4 @@
-"""The operator's keys in every window: during a run the participant's mostly has the keyboard."""
+"""The operator's keys: during a run the participant's window mostly has the keyboard."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Keyboard(QObject):
-    """Brings the operator's window forward where a key needs it."""
+    """Brings the operator's window forward."""
 
     def __init__(self, window: OperatorWindow) -> None:
         super().__init__(window)
@@ -25,7 +25,7 @@ class Keyboard(QObject):
             self._window.actions_table.serve(participant)
 
     def come_to(self, page: str) -> None:
-        """Show a page, with the window in front."""
+        """Show a page in front."""
         self._window.go(page)
         if self._window.space.recording.window is not None:
             self._window.raise_()
@@ -39,7 +39,7 @@ class Keyboard(QObject):
         self._window.record.note.setFocus()
 
     def give_back(self) -> None:
-        """Give the keyboard back to the participant's window."""
+        """Give the keyboard back to the participant."""
         participant = self._window.space.recording.window
         if participant is not None and self._lent:
             participant.raise_()

@@ -19,7 +19,7 @@ _AROUND_PX = (16, 48)
 
 
 def show_whole(window: QWidget) -> None:
-    """Show a window, maximised if larger than the screen."""
+    """Show a window, maximised if too large."""
     room = window.screen().availableGeometry().size()
     if window.width() + _AROUND_PX[0] > room.width() or window.height() + _AROUND_PX[1] > room.height():
         window.showMaximized()
@@ -28,7 +28,7 @@ def show_whole(window: QWidget) -> None:
 
 
 def open_operator_window(session: Path | None = None) -> int:
-    """Exit code of the window, once closed; ``session``: whose results to show."""
+    """The window's exit code, once closed."""
     file = settings_path()
     settings, problem = load_settings(file)
     application = make_application(sys.argv[:1], settings)

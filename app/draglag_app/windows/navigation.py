@@ -17,7 +17,7 @@ _LAST_OF_A_GROUP = ("record", "compare")
 
 
 class Navigation(QFrame):
-    """A button per page; ``titles``: by name; ``actions``: keys for the tips (``go_<name>``)."""
+    """A button per page; ``titles`` by name; ``actions``: for tips."""
 
     chosen = Signal(str)
 

@@ -17,7 +17,7 @@ _SLOW_MS = 400
 
 
 class NoticeStrip(QFrame):
-    """A sentence, and a bar during a task; hidden without both."""
+    """A sentence, and a bar during tasks."""
 
     def __init__(self, tasks: Tasks, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -54,7 +54,7 @@ class NoticeStrip(QFrame):
         tasks.progressed.connect(lambda fraction, text: self.progress.setValue(round(1000 * fraction)))
 
     def notify(self, level: str, text: str) -> None:
-        """Show a sentence: "info", "warning" or "error"; an empty one clears it."""
+        """Show a sentence: "info", "warning" or "error"; empty: none."""
         self.text.setText(in_words(text))
         restyle(self, "level", level)
         self.open.hide()
@@ -62,7 +62,7 @@ class NoticeStrip(QFrame):
         self.setVisible(bool(text) or self.progress.isVisibleTo(self))
 
     def saved(self, path: Path, more: str = "") -> None:
-        """Show where a file or folder is, and ``more``."""
+        """Show a written file or folder, and ``more``."""
         said = self.tr("Saved: {path}").format(path=path)
         self.notify("info", " · ".join(part for part in (said, more) if part))
         self._path = path

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class OneMonitor(QObject):
     """Shows the operator's window in a rest, the participant's for a target.
 
-    A desktop may refuse that: a bar in the participant's window serves in rests. With a monitor each, nothing moves.
+    A desktop may refuse: a bar in the participant's window serves in rests.
     """
 
     def __init__(self, window: OperatorWindow) -> None:
@@ -58,7 +58,7 @@ class OneMonitor(QObject):
         self._window.activateWindow()
 
     def _to_participant(self) -> None:
-        """Hide and show: raising a window does not bring it to the front on every desktop."""
+        """Raising a window does not bring it to the front on every desktop."""
         if self._bar is None or self._bar.isHidden():
             return
         self._bar.hide()

@@ -1,4 +1,4 @@
-"""The next session's screen, details and file name."""
+"""Details of the next session."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NAME_PX = 150
 
 
 class SessionDialog(QDialog):
-    """Saves to the settings on OK. ``starts``: OK begins a session."""
+    """Saves to the settings; ``starts``: and begins a session."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None, starts: bool = False) -> None:
         super().__init__(parent)

@@ -1,4 +1,4 @@
-"""The operator's settings, in a TOML file; errors never prevent starting."""
+"""The operator's settings in TOML; errors never prevent starting."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Table(BaseModel):
 
 
 class RigSettings(_Table):
-    """Addresses of devices; an empty one is not used."""
+    """Addresses; an empty one is not used."""
 
     touch: str = ""
     laser: str = ""
@@ -43,18 +43,18 @@ class RigSettings(_Table):
     display: Annotated[str, Field(pattern=r"^(window|offscreen|screen [1-9]\d{0,2})$")] = "window"
 
     def addresses(self) -> dict[str, str]:
-        """Role → address of devices in use."""
+        """Role → address in use."""
         return {role: getattr(self, role) for role in ROLES if getattr(self, role)}
 
     @property
     def simulated(self) -> bool:
-        """Whether every device in use is simulated or replayed."""
+        """Whether all in use is simulated or replayed."""
         used = self.addresses().values()
         return bool(used) and all(address.startswith(("sim:", "replay:", "csv:")) for address in used)
 
 
 class CalibrationSettings(_Table):
-    """Nine touches in device units; the panel's size gives the targets' places."""
+    """Nine touches in device units; targets' places follow from the panel's size."""
 
     address: str  # of the touchscreen, without options
     device: str = ""
@@ -64,7 +64,7 @@ class CalibrationSettings(_Table):
     resolution: tuple[int, ...] = ()  # of its axes, units per mm
 
     def serves(self, address: str) -> bool:
-        """Whether it was made at that address, which names no calibration file."""
+        """Whether made at that address, without a calibration of its own."""
         where, _, options = address.partition("?")
         return where == self.address and "calibration=" not in options
 
@@ -73,13 +73,13 @@ class CalibrationSettings(_Table):
         return fit_touches(np.array(self.x_raw), np.array(self.y_raw), screen)
 
     def recorded(self, screen: Screen) -> TouchCalibration:
-        """The calibration for a session file. Raises EstimateError."""
+        """For a session file. Raises EstimateError."""
         x_raw, y_raw = np.array(self.x_raw), np.array(self.y_raw)
         return as_recorded(self.fit(screen), x_raw, y_raw, screen, self.device, self.made_utc)
 
 
 class PanelSettings(_Table):
-    """The screen under test; missing sizes are the preset's."""
+    """Missing sizes are the preset's."""
 
     preset: str = "screen-1"
     width_mm: Positive | None = None
@@ -92,7 +92,7 @@ class PanelSettings(_Table):
     calibration: CalibrationSettings | None = None
 
     def screen(self) -> Screen:
-        """The panel. Raises DataError where the preset is gone."""
+        """The panel. Raises DataError."""
         preset = load_screen_file(self.preset)
         known = preset.screen
         return Screen(
@@ -139,12 +139,12 @@ class Settings(_Table):
     panel: PanelSettings = PanelSettings()
 
     def details(self) -> dict[str, str]:
-        """Details of sessions that have a text."""
+        """Session details that have a text."""
         known = {"participant": self.participant, "session": self.session_label, "operator": self.operator}
         return {name: text for name, text in (known | self.fields).items() if text}
 
     def touched_screen(self) -> Screen:
-        """The screen under test, or the simulated rig's. Raises DraglagError."""
+        """The panel, or the simulated rig's. Raises DraglagError."""
         address = self.rig.touch
         if address.startswith("sim:"):
             return rig_for_screen(parse_address(address).options.get("screen", self.panel.preset)).screen
@@ -152,15 +152,15 @@ class Settings(_Table):
 
 
 def settings_path() -> Path:
-    """``DRAGLAG_SETTINGS``, or a file in the user's config folder."""
+    """``DRAGLAG_SETTINGS``, or in the user's config folder."""
     given = os.environ.get("DRAGLAG_SETTINGS")
     return Path(given) if given else user_config_path("draglag") / "settings.toml"
 
 
 def load_settings(path: Path) -> tuple[Settings, str]:
-    """Settings, and a sentence on what is wrong, else empty. Never raises.
+    """Settings, and a sentence on what is wrong. Never raises.
 
-    Defaults replace invalid values; an invalid file is copied, since the next change overwrites it.
+    Defaults replace invalid values; an invalid file is copied, as the next change overwrites it.
     """
     if not os.path.exists(path):
         return Settings(), ""
@@ -196,7 +196,6 @@ def load_settings(path: Path) -> tuple[Settings, str]:
 
 
 def _without(known: dict[str, Any], places: Iterable[tuple[int | str, ...]]) -> dict[str, Any]:
-    """A table without these places; a place in an array removes the whole array."""
     out = {key: dict(value) if isinstance(value, dict) else value for key, value in known.items()}
     for first, *rest in places:
         inner = out.get(str(first))
@@ -217,7 +216,7 @@ def _kept(path: Path) -> str:
 
 
 def save_settings(settings: Settings, path: Path) -> None:
-    """Write the settings in one step. Raises DataError."""
+    """Write in one step. Raises DataError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_name(path.name + ".new")

@@ -1,4 +1,4 @@
-"""From settings and protocol to a recording."""
+"""From settings to a recording."""
 
 from __future__ import annotations
 
@@ -29,12 +29,11 @@ def tr(text: str) -> str:
 
 @dataclass(frozen=True)
 class Obstacle:
-    """What stands in the way of measuring.
+    """What prevents measuring.
 
     Attributes:
         page: where it is resolved.
-        short: what to do, in a few words.
-        sentence: the same, whole.
+        short, sentence: what to do.
         hopeless: nothing can be recorded before.
     """
 
@@ -101,7 +100,7 @@ def make_order(space: Workspace) -> Order:
 
 
 def session_path(settings: Settings, protocol: str, screen: str) -> Path:
-    """Where a session that begins now would be saved. Raises DataError."""
+    """A new session's path. Raises DataError."""
     folder, now = Path(settings.folder), datetime.now()
     details = dict.fromkeys(settings.fields, "") | settings.details()  # the template may name a field left empty
     return file_name(folder, settings.file_template, protocol, screen, details, now)

@@ -28,7 +28,7 @@ def tr(text: str) -> str:
 
 @dataclass(frozen=True)
 class Step:
-    """``missing``: empty when done; ``blocks``: nothing can be recorded without it; ``next``: to do now."""
+    """``missing``: empty when done; ``blocks``: needed to record; ``next``: to do now."""
 
     page: str
     missing: str = ""
@@ -54,7 +54,7 @@ def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ..
 
 
 class StepGuide(QFrame):
-    """A button per step: "✓ Bench", "1 Bench: choose touchscreen". ``chosen``: the page."""
+    """ "✓ Bench", "1 Bench: choose touchscreen". ``chosen``: the page."""
 
     chosen = Signal(str)
 
@@ -75,7 +75,7 @@ class StepGuide(QFrame):
             row.addWidget(made, 1)
 
     def show_steps(self, steps: Sequence[Step], present: str) -> None:
-        """Show what is done and missing; ``present``: the page in sight."""
+        """Show the steps; ``present``: the page shown."""
         for number, step in enumerate(steps, 1):
             made, name = self.buttons[step.page], say(STEPS[step.page])
             done = not step.missing

@@ -1,4 +1,4 @@
-"""The window's title, and its figures' source."""
+"""Window title, source of figures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def tr(text: str) -> str:
 
 
 def window_title(space: Workspace) -> str:
-    """Program, session or file being recorded, and whether simulated."""
+    """Program, session or recording, simulated or not."""
     name = "" if space.session is None else space.session.name
     if space.recording.active and space.recording.order is not None:
         name = space.recording.order.out.name

@@ -206,7 +206,7 @@ class OperatorWindow(QMainWindow):
         self.notice.notify(level, text)
 
     def open_file(self, path: Path) -> None:
-        """Open a session file or exchange folder; not during a recording."""
+        """Open a session or exchange folder; not while recording."""
         if self.space.recording.active:
             self.notify("info", self.tr("A session is being recorded: open others when it is done."))
         elif path.is_dir() or path.name == "session.json":
@@ -228,7 +228,7 @@ class OperatorWindow(QMainWindow):
         self.space.change_settings(geometry=text, page=self.page)
 
     def offer_salvage(self) -> None:
-        """Offer to save recordings left by a crash."""
+        """Offer to save unfinished recordings."""
         files.offer_salvage(self)
 
     # --- recording ------------------------------------------------------------------------------------------
@@ -238,7 +238,7 @@ class OperatorWindow(QMainWindow):
         begin(self, asked)
 
     def help_here(self) -> None:
-        """Show the manual's section on the present page."""
+        """Show the manual on the present page."""
         title = self.pages[self.page][0]
         self.go("help")
         page = self.pages["help"][1]
@@ -378,7 +378,7 @@ class OperatorWindow(QMainWindow):
         QApplication.exit()
 
     def shut_down(self) -> None:
-        """Stop and save the recording, cancel computations. Twice does no harm."""
+        """Stop and save, cancel computations. Twice does no harm."""
         self.space.calibrating.cancel()
         self.space.recording.stop_and_wait()
         self.space.tasks.finish()

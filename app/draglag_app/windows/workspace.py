@@ -43,7 +43,7 @@ class Edit(QUndoCommand):
 
 
 class Workspace(QObject):
-    """Settings, protocol, session and estimates of a window; signals announce changes."""
+    """What the pages of a window share; signals announce changes."""
 
     settings_changed = Signal()
     protocol_changed = Signal()
@@ -106,14 +106,14 @@ class Workspace(QObject):
 
     @property
     def simulated(self) -> bool:
-        """Whether the recording, or else the open session, is simulated."""
+        """Whether recording or open session is simulated."""
         order = self.recording.order if self.recording.active else None
         if order is not None:
             return any(source.address.startswith("sim:") for source in order.rig.sources)
         return self.session is not None and is_simulated(self.session.devices)
 
     def open(self, path: Path, done: Callable[[], object] | None = None) -> None:
-        """Read a session file in a worker, then analyse it; ``done`` is called once read."""
+        """Read and analyse in a worker; ``done``: called once read."""
 
         def take(got: tuple[Session, dict[str, str]]) -> None:
             self.take(got[0], path, got[1])
@@ -128,7 +128,7 @@ class Workspace(QObject):
         self.tasks.start(self.tr("Reading"), work, take, self.fault)
 
     def take(self, session: Session, path: Path | None, comments: Mapping[str, str] | None = None) -> None:
-        """Open a session and analyse it; ``comments``: run → text."""
+        """Open and analyse a session; ``comments``: by run."""
         self.session, self.path, self.analysis = session, path, None
         self.comments = dict(comments or {})
         self.options = replace(self.options, exclude={})
@@ -156,7 +156,7 @@ class Workspace(QObject):
         self._change_runs(self.tr("exclude {run}").format(run=run_id), before, after)
 
     def include(self, run_id: str) -> None:
-        """Use a run in the curve that was left out; undoable."""
+        """Take a run in again; undoable."""
         before = self.options
         left_out = {key: why for key, why in before.exclude.items() if key != run_id}
         after = replace(before, exclude=left_out, include=before.include | {run_id})
@@ -225,7 +225,7 @@ class Workspace(QObject):
 
 
 def kept_comments(path: Path) -> dict[str, str]:
-    """Run → comment, as last stored; empty where unreadable."""
+    """Run → comment, as last stored."""
     try:
         stored = read_analyses(path)
     except DraglagError:

@@ -1,5 +1,4 @@
-"""The laser sensor on an EtherCAT terminal EL1252, through pysoem. No imports: they would be in the privileged
-process."""
+"""The laser sensor on an EtherCAT terminal EL1252. No imports: they would be in the privileged process."""
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ def open_source(address: Address, role: str) -> Source:
 
 
 def discover(asked: Collection[str] = ()) -> list[Found]:
-    """Ethernet interfaces with their EtherCAT devices; those in use are asked only if in ``asked``."""
+    """Ethernet interfaces with EtherCAT devices; interfaces in use only if ``asked``."""
     if sys.platform != "linux":
         return []
     from draglag_devices.ethercat_laser.finding import find_buses

@@ -1,4 +1,4 @@
-"""The EtherCAT bus through pysoem: set-up, cycles, supervision."""
+"""The EtherCAT bus, through pysoem."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _STATES = {1: "INIT", 2: "PRE-OP", 3: "BOOT", 4: "SAFE-OP", 8: "OP"}
 
 @dataclass(frozen=True)
 class Cycle:
-    """One exchange of the process image; ``wkc``: working counter, −1 without an answer."""
+    """One exchange; ``wkc``: working counter, −1 without an answer."""
 
     wkc: int
     pair: Pair
@@ -44,14 +44,14 @@ class Cycle:
 
 
 class Bus:
-    """A bus in OP. Always ``close()`` it: pysoem keeps the socket otherwise."""
+    """A bus in OP; to be closed, as pysoem keeps the socket otherwise. Its questions raise pysoem.WkcError."""
 
     def __init__(self, interface: str, position: int = 0, progress: Callable[[], None] = lambda: None) -> None:
-        """Set the bus up. Raises Refusal, and what ``progress`` raises, with nothing left open.
+        """Set the bus up. Raises Refusal, with nothing left open.
 
         Args:
-            position: of the EL1252 on the line, coupler 1; 0: there is only one.
-            progress: called after each step; SOEM does not let the longest be interrupted.
+            position: of the EL1252 on the line, coupler 1; 0: the only one.
+            progress: called after each step; may raise.
         """
         self.interface, self.position = interface, position
         self._progress = progress
@@ -187,8 +187,7 @@ class Bus:
         return self.position or places[0]
 
     def _split_mapping(self) -> bytes:
-        """FMMU 0 and 1 as they must read back; SOEM's single one maps RAM behind the inputs, not the stamps (SOEM
-        #873)."""
+        """FMMU 0 and 1 as they must read back; SOEM's single one does not map the stamps (SOEM #873)."""
         logical = _FMMU.unpack(self._read(_FMMU0, 16))[0]
         rest = IMAGE.size - 1
         inputs = _FMMU.pack(logical, 1, 0, 7, _INPUTS, 0, 1, 1)
@@ -198,7 +197,7 @@ class Bus:
         return inputs + latches
 
     def _clocks_agree(self) -> bool:
-        """Whether the terminal's clock follows the bus's: config_dc does not report a frame that it lost."""
+        """Whether the terminal's clock follows the bus's: config_dc does not report a lost frame."""
         first, own, second = self.cycle(), self._read(_SYSTEM_TIME, 8), self.cycle()
         own_ns = int.from_bytes(own, "little")
         return first.pair.dc_ns - _AGREE_NS <= own_ns <= second.pair.dc_ns + _AGREE_NS
@@ -238,7 +237,6 @@ class Bus:
         self._retried(lambda: self.terminal._fpwr(address, data))
 
     def _retried(self, exchange: Any) -> Any:
-        """The exchange, repeated where a frame is lost. Raises pysoem.WkcError."""
         for attempt in range(_TRIES):
             try:
                 return exchange()
@@ -258,13 +256,13 @@ class Bus:
         return Cycle(int(wkc), Pair(int(self._master.dc_time), before, after), self.terminal.input)
 
     def terminal_clock(self) -> Pair:
-        """The EL1252's clock. Raises pysoem.WkcError."""
+        """The EL1252's clock."""
         before = time.monotonic_ns()
         own = self._read(_SYSTEM_TIME, 8)
         return Pair(int.from_bytes(own, "little"), before, time.monotonic_ns())
 
     def in_operation(self) -> bool:
-        """Whether every device reports OP; the working counter does not show an error in SAFE-OP."""
+        """Whether every device reports OP; the working counter shows no error in SAFE-OP."""
         return self._master.read_state() & _STATE_AND_ERROR == pysoem.OP_STATE and all(
             slave.state & _STATE_AND_ERROR == pysoem.OP_STATE for slave in self._master.slaves
         )
@@ -282,12 +280,12 @@ class Bus:
         return joined(", ", parts) if parts else message("not all devices answer")
 
     def as_set_up(self) -> bool:
-        """Whether mapping and latch unit read back as written. Raises pysoem.WkcError."""
+        """Whether mapping and latch unit read back as written."""
         found = self._read(_FMMU0, 32)  # the last three bytes of an FMMU mean nothing
         return found[:13] == self._wanted[:13] and found[16:29] == self._wanted[16:29] and self.latching()
 
     def latching(self) -> bool:
-        """Whether the latch unit is on. Raises pysoem.WkcError."""
+        """Whether the latch unit is on."""
         return self._read(_CYCLIC_UNIT + 1, 1) == _LATCH_ON[1:]
 
     def describe(self) -> list[dict[str, int | str]]:
@@ -295,7 +293,7 @@ class Bus:
         return [{"name": s.name, "product": int(s.id), "revision": int(s.rev)} for s in self._master.slaves]
 
     def close(self) -> None:
-        """Put devices in INIT, release the interface. Twice does no harm."""
+        """Put devices in INIT, release the interface."""
         if not self._open:
             return
         self._open = False

@@ -30,7 +30,7 @@ class ClockWatch:
         self._best: Pair | None = None
 
     def fits(self, pair: Pair) -> bool:
-        """Whether the DC time fits its host times; not in an old frame, nor after a jump of the clock."""
+        """Whether the DC time fits: not of an old frame or a jumped clock."""
         known = self._reference
         if known is None:
             return True
@@ -48,7 +48,7 @@ class ClockWatch:
         return max(0.0, pair.dc_ns - pair.high_ns - highest, lowest - (pair.dc_ns - pair.low_ns))
 
     def host_ns(self, dc_ns: int) -> tuple[int, int]:
-        """Host times between which the bus's clock showed ``dc_ns``; after a first ``add``."""
+        """Host times between which the bus's clock showed ``dc_ns``; after ``add``."""
         known = self._reference
         assert known is not None
         slack = int(_DRIFT * abs(dc_ns - known.dc_ns))

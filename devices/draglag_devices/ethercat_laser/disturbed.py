@@ -28,7 +28,7 @@ class Disturbances:
         self._warned_s = -WARN_EVERY_S
 
     def take(self, from_s: float, t_s: float, cycles: int, counts: Mapping[str, int]) -> Notice | None:
-        """A notice on all unreported cycles where it is time for one."""
+        """A notice on unreported cycles, if due."""
         if self._since_s is None:
             self._since_s = from_s
         self.total += Counter(counts)
@@ -41,7 +41,7 @@ class Disturbances:
         return self.rest(t_s) if t_s - self._since_s >= COUNT_EVERY_S else None
 
     def rest(self, t_s: float) -> Notice | None:
-        """A notice on what is unreported."""
+        """A notice on unreported cycles."""
         counts, self._counts = self._counts, Counter()
         cycles, self._cycles = self._cycles, 0
         since_s, self._since_s = self._since_s, None

@@ -14,7 +14,7 @@ _LEVEL_CYCLES = 3
 
 @dataclass(frozen=True)
 class Sample:
-    """One channel in one cycle: level 0 or 1, last edges by the DC clock."""
+    """One channel in one cycle; last edges by the DC clock."""
 
     level: int
     rise_ns: int
@@ -22,7 +22,7 @@ class Sample:
 
 
 def decode(image: bytes, channel: int) -> Sample:
-    """Channel 1 or 2 of an image. Raises struct.error unless 35 bytes long."""
+    """Channel 1 or 2 of an image. Raises struct.error unless 35 bytes."""
     values = IMAGE.unpack(image)
     first = 3 + 2 * (channel - 1)
     return Sample(((values[0] & _INPUT_MASK) >> (channel - 1)) & 1, values[first], values[first + 1])
@@ -30,10 +30,10 @@ def decode(image: bytes, channel: int) -> Sample:
 
 @dataclass
 class EdgeFinder:
-    """Edges of one epoch, after a first sample.
+    """Edges of one epoch.
 
     One stamp per direction and cycle: faster edges are lost. Two edges of one direction in a row, or a level unlike the
-    last edge, prove one lost edge each.
+    last edge, prove one lost edge.
     """
 
     last: Sample
@@ -44,7 +44,7 @@ class EdgeFinder:
         self.level = self.last.level
 
     def changed(self, sample: Sample) -> list[tuple[int, int]]:
-        """(stamp ns, level) of new stamps by time; keeps the state."""
+        """(stamp ns, level) of new stamps by time."""
         new = []
         if sample.rise_ns != self.last.rise_ns:
             new.append((sample.rise_ns, 1))
@@ -53,7 +53,7 @@ class EdgeFinder:
         return sorted(new)
 
     def take(self, sample: Sample) -> tuple[list[tuple[int, int]], int]:
-        """New edges, and how many more are known to be lost."""
+        """New edges, and how many are known to be lost."""
         edges = self.changed(sample)
         missed = 0
         for _, level in edges:

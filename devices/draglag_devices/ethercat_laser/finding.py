@@ -20,14 +20,12 @@ _TIMEOUT_S = 10.0
 
 
 def find_buses(asked: Collection[str] = ()) -> list[Found]:
-    """One entry per Ethernet interface; those in other use (with an address, wireless …) are asked only if in
-    ``asked``."""
+    """One entry per Ethernet interface; those in other use are asked only if in ``asked``."""
     why, interfaces = _probe(asked)
     return [_entry(interface, why) for interface in interfaces]
 
 
 def _probe(asked: Collection[str]) -> tuple[str, list[dict[str, Any]]]:
-    """Why the helper failed, else empty; and what it found, or what can be seen without rights."""
     reason = ""
     try:
         done = subprocess.run(

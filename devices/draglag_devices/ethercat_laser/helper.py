@@ -20,7 +20,7 @@ _MODULE = "draglag_devices.ethercat_laser.master"
 
 
 def command(*arguments: str) -> list[str]:
-    """The command line: of this interpreter if it has the rights or there is no launcher."""
+    """The command line, with the launcher where this process lacks rights."""
     if not has_rights():
         for launcher in LAUNCHERS:
             if os.access(launcher, os.X_OK):
@@ -30,7 +30,7 @@ def command(*arguments: str) -> list[str]:
 
 
 def start(*arguments: str, complaints: IO[bytes]) -> subprocess.Popen[bytes]:
-    """The started process; standard error goes to ``complaints``. Raises OSError."""
+    """The started process. Raises OSError."""
     return subprocess.Popen(
         command(*arguments), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaints, bufsize=0
     )

@@ -1,7 +1,6 @@
-"""Keeps the bus running in forks of this process, one after another, which end where they make no progress.
+"""Runs the bus in forks of this process, one after another; one without progress is ended.
 
-SOEM cannot be interrupted: after a late answer it can read the EEPROM of address 0 byte by byte for half a minute, as
-it takes the missing station address for 0.
+SOEM cannot be interrupted: after a late answer it can read address 0's EEPROM byte by byte for half a minute.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ class Crashed(Exception):
 
 @dataclass(frozen=True)
 class End:
-    """How a child ended. ``ran``: the bus came up and was lost for ``reason``; else ``refusal``."""
+    """How a child ended. ``ran``: the bus was lost for ``reason``; else ``refusal``."""
 
     ran: bool
     reason: str = ""
@@ -62,8 +61,8 @@ class Keeper:
     """Runs the bus until the reader goes.
 
     Args:
-        life: runs the bus in the child, given the epoch's number, until it is lost.
-        first_epoch: above 0 where an earlier process ran the bus: then it is brought back, not refused.
+        life: runs the bus in the child, given the epoch's number.
+        first_epoch: above 0 after an earlier process: the bus is brought back, not refused.
     """
 
     def __init__(self, interface: str, wire: Wire, life: Life, first_epoch: int = 0) -> None:
@@ -76,7 +75,7 @@ class Keeper:
         self._lost_at: int | None = None
 
     def run(self) -> NoReturn:
-        """Raises ReaderGone, Crashed, and Refusal where the bus never came up."""
+        """Raises ReaderGone, Crashed; Refusal where the bus never came up."""
         attempt = hung = 0
         while True:
             if not self._first:
@@ -147,7 +146,6 @@ class Keeper:
             child.end()
 
     def _take(self, content: dict[str, Any], line: bytes) -> End | None:
-        """Forward a child's message; the end where it reports one."""
         kind = content["m"]
         if kind == "over":
             if content["dead_from"] is not None:
@@ -205,7 +203,7 @@ class Keeper:
 
 
 class _Child:
-    """A fork that runs the bus until this process closes its input, or ends."""
+    """A fork that ends when its input closes, or its parent ends."""
 
     def __init__(self, run: Callable[[Wire], None]) -> None:
         ours_in, its_out = os.pipe()
@@ -221,7 +219,6 @@ class _Child:
         self.out, self._in, self._rest, self._alive = ours_in, ours_out, b"", True
 
     def lines(self) -> list[bytes] | None:
-        """Lines received; None at the end of the pipe."""
         received = os.read(self.out, 1 << 16)
         if not received:
             return None
@@ -233,7 +230,6 @@ class _Child:
             os.kill(self._pid, signal.SIGKILL)
 
     def end(self) -> None:
-        """Ask it to end, then kill it. Twice does no harm."""
         if not self._alive:
             return
         self._alive = False

@@ -1,4 +1,4 @@
-"""Known EtherCAT devices; without imports, as listing devices needs no pysoem."""
+"""Known EtherCAT devices; listing them needs no pysoem."""
 
 from __future__ import annotations
 

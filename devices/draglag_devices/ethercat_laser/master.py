@@ -1,8 +1,7 @@
 """The process that runs the bus: ``python -m draglag_devices.ethercat_laser.master IFACE --channel 1``.
 
-Only it needs CAP_NET_RAW and CAP_NET_ADMIN. It forks a child (``keeper``) that exchanges frames at 1 kHz (``runner``)
-and writes messages (``wire``), and ends when standard input closes. Times: ns of CLOCK_MONOTONIC; DC times: ns since
-2000-01-01.
+Only it needs CAP_NET_RAW and CAP_NET_ADMIN. A child (``keeper``) exchanges frames at 1 kHz (``runner``) and writes
+messages (``wire``) until standard input closes. Times: ns of CLOCK_MONOTONIC; DC times: ns since 2000-01-01.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def check_interface(interface: str) -> None:
 
 
 def link_state(interface: str) -> tuple[int, bool]:
-    """Flags and carrier, by a socket: /sys may show another network namespace. Raises OSError."""
+    """Flags and carrier; by a socket, as /sys may show another network namespace. Raises OSError."""
     request = interface.encode().ljust(16, b"\0")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
         flags = struct.unpack_from("<H", fcntl.ioctl(control, _SIOCGIFFLAGS, request + bytes(24)), 16)[0]
@@ -66,7 +66,7 @@ def link_state(interface: str) -> tuple[int, bool]:
 
 
 def link_trouble(interface: str) -> str:
-    """Why an interface reaches nothing; empty if it is on with a carrier."""
+    """Why an interface reaches nothing, else empty."""
     try:
         flags, carrier = link_state(interface)
     except OSError:
@@ -99,7 +99,7 @@ def check_rights(interface: str) -> None:
 
 
 def other_master(interface: str) -> bool:
-    """Whether any program listens for EtherCAT frames on the interface."""
+    """Whether any program listens for EtherCAT frames there."""
     with contextlib.suppress(OSError):
         index = socket.if_nametoindex(interface)
         for line in Path("/proc/self/net/packet").read_text().splitlines()[1:]:
@@ -112,7 +112,7 @@ def other_master(interface: str) -> bool:
 def claim(interface: str, patience_s: float = 0.0) -> socket.socket:
     """A lock against a second master. Raises Refusal if in use after ``patience_s``.
 
-    An abstract socket address belongs to the network namespace, as the interface does, and ends with the process.
+    An abstract socket address belongs to the network namespace and ends with the process.
     """
     until = time.monotonic() + patience_s
     while True:

@@ -1,4 +1,4 @@
-"""EtherCAT devices on interfaces, by broadcast reads and each device's EEPROM."""
+"""Finds EtherCAT devices by broadcast reads and their EEPROM."""
 
 from __future__ import annotations
 
@@ -35,14 +35,12 @@ NOT_ALLOWED = message("was not allowed when the EtherCAT helper was installed")
 def scan_bus(
     asked: Collection[str] = (), send: bool = True, only: Collection[str] | None = None
 ) -> list[dict[str, Any]]:
-    """One entry per Ethernet interface: name, up, carrier, rights, busy, slaves, kinds, left_alone.
+    """One entry per Ethernet interface, with ``kinds`` along the line and why it was ``left_alone``.
 
     Args:
         asked: interfaces to ask even though others use them.
-        send: whether any frame may be sent.
+        send: whether frames may be sent.
         only: interfaces that may be asked; any if None.
-
-    ``kinds``: (vendor, product) along the line; ``left_alone``: why it was not asked.
     """
     rights = has_rights()
     try:
@@ -82,14 +80,14 @@ def _ethernet(interface: str) -> bool:
 
 
 def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = _FIRST_INDEX) -> int:
-    """Number of devices that answer a broadcast in time; ``index`` excludes late answers to earlier ones."""
+    """Number of devices that answer in time; ``index`` excludes late answers."""
     with contextlib.suppress(OSError), _Line(interface, within_s, index) as line:
         return line.exchange(_BRD, 0, _TYPE, bytes(2))[0]
     return 0
 
 
 def kinds(interface: str, count: int) -> list[tuple[int, int]]:
-    """(vendor, product) of each device; (0, 0) where unknown or in another program's use."""
+    """(vendor, product) of each device; (0, 0) where unknown or in use."""
     with contextlib.suppress(OSError), _Line(interface) as line:
         return [
             (line.eeprom(place, _VENDOR), line.eeprom(place, _PRODUCT)) for place in range(min(count, _MAX_REQUESTS))
@@ -99,7 +97,7 @@ def kinds(interface: str, count: int) -> list[tuple[int, int]]:
 
 @dataclass
 class _Line:
-    """Single frames on an interface. A context manager. Raises OSError."""
+    """Single frames on an interface. Raises OSError."""
 
     interface: str
     within_s: float = _WAIT_S
@@ -118,7 +116,6 @@ class _Line:
         self._wire.close()
 
     def exchange(self, command: int, place: int, address: int, data: bytes) -> tuple[int, bytes]:
-        """Working counter and data of one frame; counter 0 without an answer in time."""
         self.index = (self.index + 1) % 256
         question = _FRAME.pack(0x1000 | 12 + len(data), command, self.index, place, address, len(data), 0) + data
         frame = b"\xff" * 6 + b"\x02\x44\x4c\x00\x00\x01" + struct.pack(">H", ETHERTYPE) + question + bytes(2)
@@ -132,7 +129,7 @@ class _Line:
         return 0, bytes(len(data))
 
     def eeprom(self, place: int, word: int) -> int:
-        """Two words of a device's EEPROM, 0 where unavailable; its owner is restored."""
+        """Two words, 0 where unavailable; the owner is restored."""
         back = -place & 0xFFFF
         owner, state = self._read(back, _EEPROM_OWNER, 1), self._read(back, _STATE, 1)
         if owner is None or state is None:

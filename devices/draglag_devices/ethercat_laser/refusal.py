@@ -1,4 +1,4 @@
-"""Why the bus cannot be used; few imports, as the privileged process stays small."""
+"""Few imports, as the privileged process stays small."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from draglag.messages import phrase
 
 
 class Refusal(Exception):
-    """``code`` is for programs, ``problem`` and ``remedy`` for people."""
+    """Why the bus cannot be used; ``code`` is for programs."""
 
     def __init__(self, code: str, problem: str, remedy: str = "") -> None:
         self.code, self.problem, self.remedy = code, phrase(problem), phrase(remedy)

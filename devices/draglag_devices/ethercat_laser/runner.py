@@ -1,4 +1,4 @@
-"""Runs the bus, in a process of its own, from set-up until it is lost."""
+"""Runs the bus from set-up until lost."""
 
 from __future__ import annotations
 
@@ -27,12 +27,11 @@ _DELAYED_NS = 50_000_000
 
 
 class Restart(Exception):
-    """The epoch is over, for the reason in the message."""
+    """The epoch is over."""
 
 
 def live(interface: str, channel: int, position: int, number: int, wire: Wire) -> None:
-    """Run the bus until lost: messages "up" during set-up, then ``Runner``'s, finally "over" or "failed". Raises
-    ReaderGone."""
+    """Run the bus until lost: messages "up" during set-up, ``Runner``'s, then "over" or "failed". Raises ReaderGone."""
     try:
         bus = Bus(interface, position, lambda: wire.send("up"))
     except Refusal as refusal:
@@ -48,12 +47,7 @@ def live(interface: str, channel: int, position: int, number: int, wire: Wire) -
 
 
 class Runner:
-    """One epoch.
-
-    Attributes:
-        dead_from: host time up to which all edges are known, ns.
-        level: the channel's last.
-    """
+    """One epoch. ``dead_from``: host time up to which all edges are known, ns; ``level``: the last."""
 
     def __init__(self, channel: int, number: int, wire: Wire) -> None:
         self.channel, self.number, self.wire = channel, number, wire
@@ -123,7 +117,6 @@ class Runner:
             self._notice("warning", words)
 
     def _check_state(self, bus: Bus, now_ns: int) -> bool:
-        """Whether the devices are in operation. Raises Restart at the second failure in a row."""
         trouble = self._trouble(bus)
         self._failed_checks = self._failed_checks + 1 if trouble else 0
         if self._failed_checks >= 2:
@@ -157,7 +150,6 @@ class Runner:
         self._report_clock(epoch)
 
     def _check_terminal_clock(self, bus: Bus, epoch: Epoch) -> None:
-        """Report, once, that the terminal's clock (of stamps) and the bus's (of comparisons) differ."""
         if self._divergence_reported:
             return
         try:
@@ -211,7 +203,6 @@ class Runner:
 
 
 def _wait_for_cycle(next_ns: int) -> int:
-    """The next cycle's time, after sleeping; far behind, cycles are skipped."""
     wait_ns = next_ns - time.monotonic_ns()
     if wait_ns > 0:
         time.sleep(wait_ns / 1e9)

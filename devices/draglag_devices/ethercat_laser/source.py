@@ -35,7 +35,7 @@ _NS = 1e-9
 def ethercat_source(address: Address, role: str) -> EthercatLaser:
     """The source at ``ethercat:IFACE?channel=1|2&light=high|low&position=P``. Raises DeviceError.
 
-    ``light``: the sensor's output in light. ``position``: the EL1252's on the line, coupler 1, where there are several.
+    ``light``: output in light. ``position``: the EL1252's, coupler 1.
     """
     address.only("channel", "light", "position")
     channel = int(address.choice("channel", ("1", "2"), "1"))
@@ -55,9 +55,9 @@ class _Gathered:
 
 
 class EthercatLaser:
-    """A ``Source``; each set-up of the bus is an epoch.
+    """A ``Source``; each set-up is an epoch.
 
-    Device stamps are seconds since ``details["device_zero_ns"]`` (ns since 2000-01-01), to keep nanoseconds.
+    Device stamps count from ``details["device_zero_ns"]`` (since 2000-01-01), to keep nanoseconds.
     """
 
     realtime = True
@@ -87,16 +87,16 @@ class EthercatLaser:
 
     @property
     def disturbed(self) -> dict[str, int]:
-        """Refused cycles since created, by reason."""
+        """Refused cycles, by reason."""
         return dict(self._disturbances.total)
 
     def final_notices(self) -> tuple[Notice, ...]:
-        """Disturbed cycles not yet reported (``Concludes``)."""
+        """Disturbed cycles not yet reported."""
         rest = self._disturbances.rest(time.monotonic())
         return () if rest is None else (rest,)
 
     def synchronise(self) -> threading.Event:
-        """The event of the next clock pair, four a second (``Synchronises``)."""
+        """The next clock pair's event, four a second."""
         done = threading.Event()
         self._asked.append((time.monotonic(), done))
         return done
@@ -183,7 +183,6 @@ class EthercatLaser:
             ) from None
 
     def _messages(self, timeout_s: float) -> list[dict[str, Any]]:
-        """Messages that arrive within the time. Raises _Ended."""
         if self._process is None or self._process.stdout is None:
             raise _Ended
         pipe = self._process.stdout.fileno()

@@ -19,7 +19,7 @@ _GLOBAL = 0
 
 
 def why_not_ask(interface: str, addresses: list[str]) -> str:
-    """Why an interface is asked only if named, else empty. ``addresses``: IPv4 and global IPv6."""
+    """Why an interface is asked only if named, else empty."""
     folder = _NET / interface
     if addresses:
         return message("has the address {ip}", ip=addresses[0])

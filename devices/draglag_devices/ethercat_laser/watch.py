@@ -1,4 +1,4 @@
-"""Validity of the bus's cycles in one epoch."""
+"""Validity of cycles."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class Found:
 
 @dataclass
 class Epoch:
-    """Supervision of the cycles since a set-up.
+    """Supervision of cycles since a set-up.
 
     Attributes:
         bad: consecutive refused cycles; ``counts``: all by reason.
         last: clocks of the last accepted cycle.
-        pauses_ns: between accepted cycles, above STALL_NS; emptied by the reader, who also resets ``cycles``.
+        pauses_ns: between accepted cycles; the reader empties it, and resets ``cycles``.
     """
 
     number: int
@@ -65,7 +65,7 @@ class Epoch:
 
     @property
     def why(self) -> str:
-        """Why cycles are refused now; "lost" only without another reason, as a busy computer loses some answers."""
+        """Why cycles are refused now; "lost" last, as busy computers lose answers."""
         others = Counter({reason: n for reason, n in self._lately.items() if reason != "lost"})
         return max(others or self._lately, key=self._lately.__getitem__, default="")
 
@@ -107,9 +107,9 @@ class Epoch:
     def _unverified(self, last: Pair, now: Pair, edges: list[tuple[int, int]]) -> tuple[int, int] | None:
         """Host times between two cycles in which edges may have been overwritten.
 
-        A latch keeps the last edge of its direction. If at most one has a new stamp, that edge was the only one:
-        another would need one of the other direction between. If both have, any number of pairs, which leave the level
-        unchanged, may be missing before the earlier stamp, none after it.
+        A latch keeps the last edge of its direction. If at most one has a new stamp, it was the only edge: another
+        would need one of the other direction between. If both have, any number of pairs may be missing before the
+        earlier stamp, none after it.
         """
         start_ns = max(last.low_ns, self.clock.host_ns(last.dc_ns)[0])
         if now.dc_ns - last.dc_ns > UNWATCHED_NS:

@@ -1,4 +1,4 @@
-"""Messages of the bus process: JSON, one object a line, written without blocking."""
+"""Messages of the bus process: JSON, one object a line."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class ReaderGone(Exception):
 
 
 class Wire:
-    """Lines to ``out``, which is made non-blocking, until the end of ``inlet``."""
+    """Lines to ``out``, which is made non-blocking, until the end of ``inlet``; then methods raise ReaderGone."""
 
     def __init__(self, inlet: int, out: int) -> None:
         self._inlet, self._out = inlet, out
@@ -25,16 +25,16 @@ class Wire:
         self._waiting = bytearray()
 
     def send(self, kind: str, **content: Any) -> None:
-        """Queue and send a message. Raises ReaderGone."""
+        """Queue and send a message."""
         self.pass_on(json.dumps({"m": kind, **packed(content)}).encode())
 
     def pass_on(self, line: bytes) -> None:
-        """Queue and send an encoded line. Raises ReaderGone."""
+        """Queue and send an encoded line."""
         self._waiting += line + b"\n"
         self.flush()
 
     def flush(self) -> None:
-        """Send what the pipe takes. Raises ReaderGone, also where 4 MiB wait."""
+        """Send what the pipe takes; ReaderGone also where 4 MiB wait."""
         try:
             while self._waiting:
                 del self._waiting[: os.write(self._out, self._waiting)]
@@ -45,16 +45,16 @@ class Wire:
             raise ReaderGone from None
 
     def drain(self) -> None:
-        """Send all, blocking. Raises ReaderGone."""
+        """Send all, blocking."""
         os.set_blocking(self._out, True)
         self.flush()
 
     def check(self, wait_s: float = 0.0) -> None:
-        """Raise ReaderGone if the reader closes its end within ``wait_s``."""
+        """Wait for the reader's end at most ``wait_s``."""
         self.wait(None, wait_s)
 
     def wait(self, source: int | None, wait_s: float) -> bool:
-        """Whether ``source`` is readable in time. Raises ReaderGone."""
+        """Whether ``source`` is readable in time."""
         sources = [self._inlet] if source is None else [self._inlet, source]
         ready, _, _ = select.select(sources, [], [], wait_s)
         if self._inlet in ready and not os.read(self._inlet, 4096):

@@ -1,4 +1,4 @@
-"""Event devices listed by sysfs, which needs no rights to them."""
+"""Event devices in sysfs, which needs no rights."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _text(path: Path) -> str:
 
 
 def _bits(path: Path) -> set[int]:
-    """Numbers of the bits set in a sysfs bitmap: hex words of 64 bits, highest first."""
+    """Numbers of bits set in a sysfs bitmap: hex words, highest first."""
     bits: set[int] = set()
     try:
         words = [int(word, 16) for word in _text(path).split()]

@@ -1,4 +1,4 @@
-"""An event device of the kernel: axes, clock, slots, events."""
+"""An event device of the kernel."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Gone(Exception):
 
 @dataclass(frozen=True)
 class Description:
-    """A touchscreen by the kernel; ``slots``: number of contacts it distinguishes."""
+    """A touchscreen; ``slots``: contacts it distinguishes."""
 
     name: str
     phys: str
@@ -71,12 +71,12 @@ class TouchDevice(Protocol):
     def slots(self) -> tuple[dict[int, tuple[int, int, int]], int]:
         """Slot → (tracking id or −1, x, y), and the slot that events refer to. Raises Gone.
 
-        A panel without slots has one, 0, with tracking id 0 while touched.
+        A panel without slots has one, 0, with id 0 while touched.
         """
         ...
 
     def events(self, timeout_s: float) -> list[InputEvent]:
-        """Events, after waiting at most ``timeout_s``. Raises Gone."""
+        """Events, after at most ``timeout_s``. Raises Gone."""
         ...
 
     def grab(self, exclusively: bool) -> None:
@@ -90,7 +90,7 @@ class KernelTouch:
     """A touchscreen through the evdev library."""
 
     def __init__(self, path: str) -> None:
-        """Raises DeviceError: no such device, no rights, or no touchscreen."""
+        """Raises DeviceError."""
         address = f"evdev:{path}"
         try:
             import evdev

@@ -49,7 +49,7 @@ _UNGRAB_TIMEOUT_S = 1.0
 
 
 class EvdevTouch:
-    """Reads a touchscreen; a lost one is reported and searched for by name and port."""
+    """A touchscreen; a lost one is searched for by name and port."""
 
     realtime = True
     role = "touch"
@@ -84,12 +84,12 @@ class EvdevTouch:
         self._returns = 0
 
     def use_panel(self, width_mm: float, height_mm: float) -> None:
-        """Take the size unless the address gives one; before ``open``."""
+        """As ``AcceptsPanel``; the address comes first."""
         given = self._panel_mm
         self._panel_mm = (given[0] or width_mm, given[1] or height_mm)
 
     def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
-        """Map by this unless the address gives a calibration; before ``open``."""
+        """As ``AcceptsCalibration``; the address comes first."""
         self._fitted = (mapping, device, rms_mm)
 
     def open(self) -> SourceInfo:
@@ -314,7 +314,7 @@ class EvdevTouch:
     # --- exclusive use ----------------------------------------------------------------------------------------
 
     def _grab_when_free(self, device: TouchDevice) -> None:
-        """Take the device only while nothing is down: a program that saw a touch begin must see it end."""
+        """Only while nothing is down: a program that saw a touch begin must see it end."""
         if not self._exclusive or self._grabbed or _is_down(device):
             return
         try:

@@ -13,7 +13,7 @@ _TOOLS = range(0x140, 0x148)
 
 
 class UselessEvents:
-    """Detects, once, 3 s of axes and keys without any contact."""
+    """Detects, once, 3 s of events without contact."""
 
     def __init__(self) -> None:
         self._seen: set[tuple[int, int]] = set()
@@ -21,7 +21,7 @@ class UselessEvents:
         self._settled = False
 
     def take(self, events: Sequence[InputEvent], touched: bool) -> str:
-        """Names of the axes and keys seen, when detected; else empty."""
+        """Axes and keys seen, when detected; else empty."""
         self._settled |= touched or any(event.type == EV_KEY and event.code in _TOOLS for event in events)
         seen = [event for event in events if event.type in (EV_ABS, EV_KEY)]
         if self._settled or not seen:

@@ -14,7 +14,7 @@ _ROUND_TRIP_S = (1e-4, 4e-4)
 
 @dataclass(frozen=True)
 class DeviceClock:
-    """device = offset + (1 + drift) · host; ``resolution_s`` 0: unrounded."""
+    """device = offset + (1 + drift) · host; resolution 0: unrounded."""
 
     offset_s: float
     drift: float
@@ -38,5 +38,5 @@ class DeviceClock:
 
 
 def random_clock(rng: np.random.Generator, resolution_s: float = 0.0) -> DeviceClock:
-    """A clock up to some hours after power-on, drift within ±15 ppm."""
+    """A clock some hours after power-on, drift within ±15 ppm."""
     return DeviceClock(float(rng.uniform(10, 1e4)), float(rng.uniform(-15e-6, 15e-6)), resolution_s)

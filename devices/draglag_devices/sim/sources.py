@@ -24,7 +24,7 @@ class SimulatedTouch(TimelineSource):
         self._world = world
 
     def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
-        """Use it in the simulated world; the only touchscreen's name is not compared."""
+        """As ``AcceptsCalibration``; ``device`` is not compared."""
         self._world.use_calibration(mapping)
 
 

@@ -37,9 +37,8 @@ class World:
 
     Attributes:
         rig: screen, stylus, beam, law.
-        timelines: "touch", "laser", "walt".
-        truth: the runs in exact host times.
-        true_taps: taps in exact host times.
+        timelines: by role.
+        truth, true_taps: in exact host times.
     """
 
     def __init__(
@@ -74,7 +73,7 @@ class World:
         self._sync(np.asarray(start_s + 1e-3 * np.arange(1, 6), np.float64))
 
     def begin_run(self, planned: PlannedRun, start_s: float, run_id: str) -> None:
-        """The hand follows the target from the host time ``start_s`` on."""
+        """The hand follows the target."""
         with self._lock:
             motion = follow(planned.target, self._human, self._rng)
             run = simulate_run(
@@ -104,7 +103,7 @@ class World:
         self._calibration = mapping
 
     def begin_touch(self, x_mm: float, y_mm: float, start_s: float) -> None:
-        """The hand touches that place for 0.4 s, within about 0.2 mm."""
+        """The hand touches for 0.4 s, within about 0.2 mm."""
         with self._lock:
             t_s = np.arange(start_s, start_s + _HOLD_S, self._scan_s)
             x, y = (
@@ -116,7 +115,7 @@ class World:
             self.timelines["touch"].add(touch=touch, contacts=contact_changes(touch, self._scan_s))
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
-        """The WALT pen taps ``tap.count`` times, with the rig's latencies."""
+        """The WALT pen taps, with the rig's latencies."""
         with self._lock:
             taps = simulate_taps(
                 self.rig,
@@ -160,7 +159,6 @@ class World:
         return TouchTrace(t_s, x, y, np.full(len(t_s), self._contacts, np.int64))
 
     def _digitised(self, touch: TouchTrace) -> TouchTrace:
-        """With raw columns, and mapped by the calibration if any."""
         (xx, xy, x0), (yx, yy, y0) = DIGITISER
         x_raw = np.round(xx * touch.x_mm + xy * touch.y_mm + x0)
         y_raw = np.round(yx * touch.x_mm + yy * touch.y_mm + y0)

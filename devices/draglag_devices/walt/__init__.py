@@ -32,7 +32,7 @@ def open_source(address: Address | str, role: str) -> WaltSource:
 
 
 def discover() -> list[Found]:
-    """Serial ports of the WALT's USB vendor; nothing is sent to them."""
+    """Serial ports of the WALT's USB vendor; nothing is sent."""
     found = []
     for port in sorted(list_ports.comports(), key=lambda port: port.device):
         if port.vid != USB_VENDOR:

@@ -18,8 +18,7 @@ class EdgeCounter:
 
     A line with ``count`` n stands for n edges, the last one stamped. Two lines of one value mean a lost line between.
 
-    Attributes:
-        before: edges counted before the first line could come; that line includes them, none is lost.
+    ``before``: edges before the first line could come, included in its count.
     """
 
     last_value: int | None = None
@@ -33,9 +32,9 @@ class EdgeCounter:
         plausible_s: tuple[float, float],
         epoch: int,
     ) -> LaserTrace:
-        """Edges of lines (device seconds, value, count), with the lost ones counted and their time marked.
+        """Edges, and marked losses, of lines (device seconds, value, count).
 
-        ``plausible_s``: host times an edge can have; other lines were damaged on the wire.
+        ``plausible_s``: possible host times; other lines were damaged on the wire.
         """
         edges: list[tuple[float, int, float]] = []
         gaps: list[tuple[float, float]] = []

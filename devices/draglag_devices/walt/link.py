@@ -1,4 +1,4 @@
-"""Commands to a WALT, and its lines with host times."""
+"""Commands to a WALT, and its lines."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class NoAnswer(Exception):
 
 @dataclass(frozen=True)
 class Answer(Generic[_T]):
-    """An answer, with host times just before the question and just after the answer."""
+    """An answer, with host times around question and answer."""
 
     value: _T
     sent_s: float
@@ -33,7 +33,7 @@ class Answer(Generic[_T]):
 
 
 class Link:
-    """One conversation; trigger lines may come at any time. ``unread`` counts lines not understood."""
+    """One conversation; may raise PortGone. ``unread`` counts lines not understood."""
 
     def __init__(
         self, port: Port, now: Callable[[], float] = time.monotonic, pause: Callable[[float], None] = time.sleep
@@ -47,7 +47,7 @@ class Link:
         self._triggers: list[Trigger] = []
 
     def send(self, command: str) -> float:
-        """Host time just before the command byte was sent. Raises PortGone."""
+        """Host time just before the command was sent."""
         sent_s = self.now()
         self._port.write(command.encode("ascii"))
         return sent_s
@@ -55,10 +55,9 @@ class Link:
     def ask(
         self, command: str, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S, late: bool = False
     ) -> Answer[_T]:
-        """The line that ``accept`` takes, after a command. Raises PortGone, NoAnswer.
+        """The line that ``accept`` takes, after a command. Raises NoAnswer.
 
-        After NoAnswer a late line does not answer the next question. ``late`` accepts one that comes before a ping's
-        answer.
+        A late line answers no later question. ``late`` accepts one that comes before a ping's answer.
         """
         sent_s = self.send(command)
         try:
@@ -71,12 +70,12 @@ class Link:
         return Answer(value, sent_s, arrived_s)
 
     def acknowledged(self, command: str, timeout_s: float = ANSWER_S) -> Answer[str]:
-        """The acknowledgement of a command, even late. Raises as ``ask``."""
+        """The acknowledgement of a command, even late. Raises NoAnswer."""
         wanted = acknowledgement(command)
         return self.ask(command, lambda text: text if text == wanted else None, timeout_s, late=True)
 
     def expect(self, accept: Callable[[str], _T | None], timeout_s: float = ANSWER_S) -> tuple[_T, float]:
-        """The next line that ``accept`` takes, and its host time; others count as unread. Raises NoAnswer."""
+        """The next line that ``accept`` takes, and its host time. Raises NoAnswer."""
         deadline_s = self.now() + timeout_s
         while True:
             while self._lines:
@@ -91,10 +90,8 @@ class Link:
             self._receive(left_s)
 
     def settle(self, accept: Callable[[str], _T | None] = lambda text: None) -> tuple[_T, float] | None:
-        """The first line that ``accept`` takes before a ping's answer, and its host time. Raises NoAnswer.
-
-        The device answers in order: earlier questions are answered then.
-        """
+        """The first line that ``accept`` takes before a ping's answer: by then earlier questions are answered. Raises
+        NoAnswer."""
         wanted = acknowledgement(PING)
         self.send(PING)
         found: tuple[_T, float] | None = None
@@ -120,7 +117,7 @@ class Link:
         return taken
 
     def forget(self) -> None:
-        """Drop all received: a fresh port still holds an earlier conversation."""
+        """Drop all received: a fresh port holds an earlier conversation."""
         for _ in range(_STALE_READS):
             if not self._port.read(0.0):
                 break

@@ -86,7 +86,7 @@ class SerialPort:
 
 
 def usb_identity(path: str) -> tuple[int, int, str] | None:
-    """Vendor, product and serial number of the device behind a port."""
+    """Vendor, product and serial number behind a port."""
     for port in list_ports.comports():
         if port.device == os.path.realpath(path) and port.vid is not None and port.serial_number:
             return port.vid, port.pid, port.serial_number
@@ -94,7 +94,7 @@ def usb_identity(path: str) -> tuple[int, int, str] | None:
 
 
 def port_of(identity: tuple[int, int, str] | None, path: str) -> str:
-    """A device's port, which may change on replugging; ``path`` if not found."""
+    """A device's port, which may change on replugging, else ``path``."""
     if identity is None or os.path.exists(path):
         return path
     for port in list_ports.comports():

@@ -36,7 +36,7 @@ class Trigger:
 
 
 def acknowledgement(command: str) -> str:
-    """The answer to a command without one of its own: its letter in the other case."""
+    """The command's letter in the other case."""
     return command.swapcase()
 
 
@@ -53,7 +53,7 @@ def parse_time(text: str) -> int | None:
 
 
 def parse_sync(text: str) -> tuple[int, int] | None:
-    """``<n>:<us>`` of a digit's readout, n = 10 for no more."""
+    """``<n>:<us>`` of a digit, n = 10 for no more."""
     words = _SYNC.fullmatch(text)
     return (int(words[1]), int(words[2])) if words else None
 
@@ -70,10 +70,7 @@ def parse_version(text: str) -> str | None:
 
 
 class Unwrapped:
-    """The signed 32-bit microsecond count, unwrapped: each stamp is the nearest to the latest.
-
-    Valid if stamps come at least every 35 minutes.
-    """
+    """The signed 32-bit count of µs, unwrapped; valid if stamps come at least every 35 minutes."""
 
     def __init__(self) -> None:
         self._latest_us = 0

@@ -44,9 +44,9 @@ GAP_EVERY_S = 1.0
 
 
 class WaltSource:
-    """Role "walt": shocks, polled; role "laser": edges of the WALT's own laser.
+    """Role "walt": shocks, polled; role "laser": edges of its own laser.
 
-    A lost WALT is reported and searched for; on return its clock begins a new epoch.
+    A lost WALT is searched for; its clock then begins a new epoch.
     """
 
     realtime = True
@@ -78,7 +78,7 @@ class WaltSource:
         self._compared: list[threading.Event] = []
 
     def synchronise(self) -> threading.Event:
-        """As ``Synchronises``; takes about 0.15 s of the next read."""
+        """As ``Synchronises``; takes about 0.15 s."""
         done = threading.Event()
         self._asked.append(done)
         return done
@@ -240,7 +240,6 @@ class WaltSource:
             device.learn(compare(device.link, device.unwrapped, bound, between=lambda: self._collect_shocks(device)))
 
     def _time(self, device: Connection) -> Bound | None:
-        """A comparison consistent with earlier ones; None where the answer was damaged."""
         try:
             bound = request_time(device.link, device.unwrapped)
         except NoAnswer:
@@ -303,7 +302,7 @@ class WaltSource:
         return self._ask_shock(device)
 
     def _collect_shocks(self, device: Connection) -> None:
-        """Keep the present shock: the WALT holds one until asked, and a quick tap has two within a full comparison."""
+        """The WALT holds one shock until asked; a quick tap has two within a full comparison."""
         if self.role == "walt":
             taps, _ = self._ask_shock(device)
             if taps is not None:
@@ -314,7 +313,6 @@ class WaltSource:
         return concatenate(felt) if felt else None
 
     def _ask_shock(self, device: Connection) -> tuple[Taps | None, float]:
-        """The shock since the last question, and the host time up to which all shocks are known."""
         asked_s = self._now()
         self._next_poll_s = asked_s + POLL_EVERY_S
         try:

@@ -1,7 +1,7 @@
-"""Comparisons of the WALT's clock with the host's, as bounds (fact sheet, steps 1 to 3).
+"""Comparisons of the WALT's clock with the host's (fact sheet, steps 1 to 3).
 
 E = host − device. What the host sent before the device's stamp bounds E from below, what it received after from above:
-delays of the operating system widen the bounds and cannot bias them.
+delays of the operating system cannot bias the bounds.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def compare(
     repeats: int = REPEATS,
     between: Callable[[], None] = lambda: None,
 ) -> list[Bound]:
-    """One bound per repeat, without damaged ones; takes about 0.15 s. Raises PortGone, and what ``between`` does.
+    """One bound per repeat, without damaged ones, in about 0.15 s. Raises PortGone.
 
     Args:
         known: a present bound that others must not contradict.
@@ -101,7 +101,7 @@ def compare(
 
 
 def _digits_out(link: Link, unwrapped: Unwrapped, width_s: float) -> list[tuple[float, float]]:
-    """(device time, lower bound of E) of each digit sent."""
+    """(device time, lower bound of E) of each digit."""
     pause_s = min(max(width_s / 10, _PAUSE_S[0]), _PAUSE_S[1])
     sent: dict[int, float] = {}
     for digit in DIGITS:
@@ -112,7 +112,7 @@ def _digits_out(link: Link, unwrapped: Unwrapped, width_s: float) -> list[tuple[
 
 
 def _digits_in(link: Link, unwrapped: Unwrapped) -> list[tuple[float, float]]:
-    """(device time, upper bound of E) of each digit received."""
+    """(device time, upper bound of E) of each digit."""
     link.send(SEND_DIGITS)
     arrived: dict[int, float] = {}
     try:

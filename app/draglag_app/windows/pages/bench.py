@@ -31,7 +31,7 @@ _DISPLAY_PX = 380
 
 @dataclass(frozen=True)
 class Checked:
-    """A light's state and a sentence on one device."""
+    """A light's state and a sentence."""
 
     role: str
     state: str
@@ -39,7 +39,7 @@ class Checked:
 
 
 def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Progress) -> list[Checked]:
-    """Results of opening and reading each device; faults are sentences, not exceptions."""
+    """Results of reading each device; faults are sentences, not exceptions."""
     out = []
     for k, (role, address) in enumerate(addresses.items()):
         progress(k / len(addresses), address)
@@ -70,7 +70,7 @@ def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Pro
 
 
 class BenchPage(QWidget):
-    """A row per role; below, the devices of this computer."""
+    """A row per role; this computer's devices."""
 
     checked = Signal(object)
     asks = Signal(str)

@@ -1,4 +1,4 @@
-"""Gap: where simulation and measurement differ, and why."""
+"""Gap: where simulation and measurement differ."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ class GapPage(QWidget):
         ask_save(self, self.tr("Save model"), start, self.tr("Models (*.json)"), write)
 
     def write_report(self) -> None:
-        """Ask for a file and write the page with figures."""
+        """Write the page with figures."""
         session, found = self._space.session, self._report.get("report") if self._report else None
         if session is None or found is None:
             self._space.noticed.emit("info", self.tr("Explain the gap first: there is nothing to report yet."))

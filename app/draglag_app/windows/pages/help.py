@@ -118,7 +118,7 @@ class HelpPage(QWidget):
                 bar.setValue(bar.value() + top - _ABOVE_PX)
 
     def look_for(self, text: str, again: bool) -> bool:
-        """Whether the text occurs; goes to its next place, after the last to the first."""
+        """Whether the text occurs; goes to the next place, round the end."""
         cursor = self.manual.textCursor()
         if not again:
             cursor.setPosition(cursor.selectionStart())

@@ -123,7 +123,7 @@ class RecordPage(QWidget):
     # --- state ----------------------------------------------------------------------------------------------
 
     def set_recording(self, recording: bool) -> None:
-        """Show the state of a session that began or ended."""
+        """Show a session's beginning or end."""
         self.about_row.setVisible(not recording)
         self.band.set_recording(recording)
         self.now.set_recording(recording)
@@ -143,7 +143,7 @@ class RecordPage(QWidget):
             self._show_idle()
 
     def show_outcome(self, path: Path | None, problem: str) -> None:
-        """Show why a session ended early, until the next or another rig."""
+        """Show why a session ended early."""
         if problem:
             title = self.tr("Nothing was recorded") if path is None else self.tr("Ended early")
             self._outcome = (title, in_words(problem))

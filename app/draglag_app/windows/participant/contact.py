@@ -9,17 +9,14 @@ LOST_AFTER_S = 0.35
 
 
 class Contact:
-    """Follows the kernel's contacts; without them, the age of touches decides.
-
-    A stylus at rest gives no touches.
-    """
+    """Follows the kernel's contacts, as a stylus at rest gives no touches; without them, the age of touches decides."""
 
     def __init__(self) -> None:
         self._down: set[int] = set()
         self._reported = False
 
     def take(self, event: SamplesArrived) -> bool:
-        """Whether the stylus is on the screen after these samples."""
+        """Whether the stylus is on the screen now."""
         changes = None if event.batch is None else event.batch.contacts
         if changes is not None:
             self._reported = self._reported or len(changes.down) > 0

@@ -1,4 +1,4 @@
-"""The participant's picture within the operator's window."""
+"""The participant's picture in the operator's window."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def tr(text: str) -> str:
 
 
 class DockedPicture(QWidget):
-    """The picture as large as fits; ``ratio``: height over width."""
+    """As large as fits; ``ratio``: height over width."""
 
     def __init__(self, picture: QWidget, ratio: float) -> None:
         super().__init__()

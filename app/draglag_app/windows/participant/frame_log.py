@@ -10,7 +10,7 @@ from draglag.recording import DisplayTrace
 
 
 class FrameLog:
-    """Written by the window, read by the session's thread."""
+    """Written by the window, read by the session."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -28,7 +28,7 @@ class FrameLog:
             self._missed = 0
 
     def take(self, until_s: float) -> DisplayTrace:
-        """Frames up to ``until_s``, and those missed since the last call."""
+        """Frames up to ``until_s``, and those missed."""
         with self._lock:
             k = sum(frame[0] <= until_s for frame in self._frames)
             table = np.array(self._frames[:k]).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Whether the screen under test matches the participant's screen."""
+"""Whether panel and participant's screen match."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def turned(screen: Screen) -> Screen:
 
 
 def turned_panel(panel: PanelSettings) -> PanelSettings:
-    """The panel on its side, without beam and calibration, which no longer hold. Raises DataError."""
+    """The panel on its side; beam and calibration no longer hold. Raises DataError."""
     screen = turned(panel.screen())
     sizes = {key: getattr(screen, key) for key in ("width_mm", "height_mm", "width_px", "height_px")}
     gone = {"beam_slope": 0.0, "beam_intercept_mm": None, "calibration": None}
@@ -35,7 +35,7 @@ def turned_panel(panel: PanelSettings) -> PanelSettings:
 
 
 def shape_problem(panel: Screen, shown_on: QScreen) -> str:
-    """Why lengths on that screen would be wrong; empty if right."""
+    """Why lengths would be wrong there, else empty."""
     size = shown_on.size()
     factor = (panel.width_mm / panel.height_mm) / (size.width() / size.height())
     if abs(factor - 1.0) <= _SHAPE:
@@ -50,7 +50,7 @@ def shape_problem(panel: Screen, shown_on: QScreen) -> str:
 
 
 def axes_problem(calibrated: bool, shown_on: QScreen) -> str:
-    """Why touches would not match the picture; empty if they do.
+    """Why touches would not match the picture, else empty.
 
     A desktop turns the picture, not the kernel's axes.
     """

@@ -1,4 +1,4 @@
-"""The operator's controls in a rest, on a shared monitor."""
+"""The operator's controls on a shared monitor."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def tr(text: str) -> str:
 
 
 class RestBar(QFrame):
-    """State, note and buttons; hidden while a target is shown.
+    """Hidden while a target is shown.
 
-    ``noted(text)``: a note was written. ``pressed(action id)``: "proceed" or "go_record".
+    ``noted(text)``: a note. ``pressed(action id)``: "proceed" or "go_record".
     """
 
     noted = Signal(str)

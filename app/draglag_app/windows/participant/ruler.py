@@ -1,4 +1,4 @@
-"""A bar of known length, to check with a ruler."""
+"""A bar of known length."""
 
 from __future__ import annotations
 

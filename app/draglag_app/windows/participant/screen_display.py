@@ -23,7 +23,7 @@ from draglag_app.windows.participant.window import ParticipantWindow
 
 
 class ScreenDisplay(QObject):
-    """Called from the session's thread; the window draws in its own."""
+    """Called from the session's thread; the window's draws."""
 
     _show = Signal(object, float)
     _prompt = Signal(object)
@@ -52,7 +52,7 @@ class ScreenDisplay(QObject):
 
 
 class WatchedDisplay:
-    """Forwards to a display, and reports what the participant reads."""
+    """Forwards, and reports what the participant reads."""
 
     def __init__(self, display: Display, report: Callable[[Prompted], None]) -> None:
         self._display = display
@@ -76,7 +76,7 @@ class WatchedDisplay:
 
 
 def numbered_screen(number: int) -> QScreen:
-    """The screen of that number, from 1. Raises DataError."""
+    """The screen, from 1. Raises DataError."""
     screens = QGuiApplication.screens()
     if not 1 <= number <= len(screens):
         known = ", ".join(f"{k} ({s.name()} {s.size().width()}×{s.size().height()})" for k, s in enumerate(screens, 1))
@@ -89,10 +89,9 @@ def numbered_screen(number: int) -> QScreen:
 def record_on_screen(
     number: int, measure: Callable[[Display], Path], panel: Screen | None = None, control: Control | None = None
 ) -> Path:
-    """The result of ``measure``, with the participant's window on that screen. Raises what ``measure`` raises,
-    DataError.
+    """The result of ``measure``, with the participant's window there. Raises what it raises, DataError.
 
-    ``panel``: the screen under test; None takes the desktop's size. Esc aborts the run of ``control``'s session.
+    ``panel`` None: the desktop's size. Esc aborts ``control``'s run.
     """
     from draglag_app.windows.application import make_application
 

@@ -13,10 +13,9 @@ _SHARE = 0.4
 
 
 def places(screen: QRect, operator: QRect, ratio: float) -> tuple[QRect, QPoint]:
-    """Place of the participant's window and corner of the operator's, with frames.
+    """Place of the participant's window, corner of the operator's, with frames.
 
-    ``screen``: usable area; ``ratio``: height over width. Without room next to the operator's window, the participant's
-    is small, in the lower right corner.
+    ``ratio``: height over width. Without room, the participant's is small, in the lower right corner.
     """
     for corner in (operator.topLeft(), QPoint(screen.left(), operator.top()), QPoint(operator.left(), screen.top())):
         moved = QRect(corner, operator.size())
@@ -35,7 +34,7 @@ def places(screen: QRect, operator: QRect, ratio: float) -> tuple[QRect, QPoint]
 
 
 def has_room(operator: QWidget, ratio: float) -> bool:
-    """Whether the participant's window would hide nothing of the operator's."""
+    """Whether nothing of the operator's window would be hidden."""
     screen, frame = operator.screen().availableGeometry(), operator.frameGeometry()
     place, corner = places(screen, frame, ratio)
     return not place.intersects(QRect(corner, frame.size()))

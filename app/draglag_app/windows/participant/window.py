@@ -46,9 +46,9 @@ _GESTURES = frozenset((QEvent.Type.TouchBegin, QEvent.Type.TouchUpdate, QEvent.T
 
 
 class ParticipantWindow(QWidget):
-    """Draws the target at its time, on a fixed grid of frames.
+    """Draws the target on a fixed grid of frames.
 
-    Positions are mm on the screen under test, which the window represents: true to size at full screen, else smaller.
+    Positions are mm on the screen under test, which the window represents: true to size at full screen.
     """
 
     aborted = Signal()
@@ -95,7 +95,7 @@ class ParticipantWindow(QWidget):
         return self._screen.height_mm / self._screen.width_mm
 
     def show_on(self, screen: QScreen | None, operator: QWidget | None = None) -> None:
-        """Fill that screen; None opens an ordinary window, next to ``operator`` if given."""
+        """Fill that screen; None: a window next to ``operator``."""
         if screen is None:
             if operator is not None and operator.isVisible():
                 place_side_by_side(self, operator, self.ratio)
@@ -107,7 +107,7 @@ class ParticipantWindow(QWidget):
         self._full_screen.fill(screen)
 
     def show_target(self, target: Target, start_s: float) -> None:
-        """Show the target's start; it moves from ``start_s`` on."""
+        """Show the target; it moves from ``start_s`` on."""
         self.frames.clear()
         self._target, self._start_s, self._slot, self._cross = target, start_s, -1, None
         self._refresh()
@@ -156,7 +156,7 @@ class ParticipantWindow(QWidget):
         self._timer.start(max(0, math.ceil(1e3 * (next_s - now_s))))
 
     def next_frame_s(self) -> float:
-        """Time until the next frame is due; 0 where nothing moves."""
+        """Time to the next frame; 0 where nothing moves."""
         return max(0.0, 1e-3 * self._timer.remainingTime()) if self._timer.isActive() else 0.0
 
     def _elapsed_s(self) -> float:

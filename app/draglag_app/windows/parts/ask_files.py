@@ -1,4 +1,4 @@
-"""Asking for files and folders without blocking: ``then`` gets the answer, and is not called on cancel."""
+"""Questions for files; ``then`` gets the answer, if any."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def ask_folder(parent: QWidget, title: str, folder: str | Path, then: Then) -> N
 
 
 def ask_new_folder(parent: QWidget, title: str, start: Path, then: Then) -> None:
-    """Ask for a folder to write; ``start`` is proposed."""
+    """Ask for a folder to write."""
 
     def chosen(paths: list[Path]) -> None:
         _remember(paths[0])
@@ -66,7 +66,7 @@ def ask_new_folder(parent: QWidget, title: str, start: Path, then: Then) -> None
 
 
 def ask_save(parent: QWidget, title: str, start: str | Path, kind: str, then: Then) -> None:
-    """Ask for a file to write, by default with the ending of ``start``; replacing needs consent."""
+    """Ask for a file to write, ending as ``start`` by default."""
     start = Path(start)
     folder = _last["folder"] or Path.home() if start.parent == Path() else start.parent
 

@@ -10,14 +10,14 @@ from draglag_app.windows.parts.widgets import Scrolled
 
 
 class Columns(ItemList):
-    """Widgets side by side, each with its share of the width; stacked, each as high as it needs."""
+    """Widgets with shares of the width; stacked, each as high as needed."""
 
     def __init__(self, spacing_px: int = 10) -> None:
         super().__init__(spacing_px)
         self._shares: list[int] = []
 
     def add_column(self, widget: QWidget, share: int) -> None:
-        """Add a column; without a share it is as narrow as possible."""
+        """Add a column; share 0: as narrow as possible."""
         self._shares.append(share)
         self.addWidget(widget)
 

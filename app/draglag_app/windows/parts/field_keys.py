@@ -1,4 +1,4 @@
-"""Undo and redo with the keyboard in a field."""
+"""Undo and redo in a field."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _NEVER = (QKeySequence.StandardKey.MoveToEndOfLine, QKeySequence.StandardKey.Sel
 
 
 class FieldKeys(QObject):
-    """Fields below ``root`` pass these keys to the window once their text is accepted."""
+    """Fields pass these keys to the window once their text is accepted."""
 
     def __init__(self, root: QWidget) -> None:
         super().__init__(root)

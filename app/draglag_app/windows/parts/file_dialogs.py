@@ -1,4 +1,4 @@
-"""Dialogs that do not block: a modal one would take Esc from the participant's screen."""
+"""Dialogs that are not modal, as those take Esc from the participant's screen."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Mode = QFileDialog.FileMode
 
 
 class _FileDialog(QFileDialog):
-    """Its own questions are modal only to its window."""
+    """Its questions are modal only to its window."""
 
     def childEvent(self, event: QChildEvent) -> None:
         super().childEvent(event)
@@ -25,10 +25,9 @@ class _FileDialog(QFileDialog):
 def pick_files(
     parent: QWidget, title: str, start: Path, kind: str, mode: Mode, then: Callable[[list[Path]], None]
 ) -> None:
-    """Show a file dialog and return; ``then`` gets the choice, if any.
+    """Show a file dialog; ``then`` gets the choice, if any.
 
-    ``start``: folder, or for ``Mode.AnyFile`` the proposed path; the caller asks about replacing. Closes the window's
-    earlier dialog.
+    ``start``: folder, or for ``Mode.AnyFile`` a path; the caller asks about replacing.
     """
     window = parent.window()
     close_file_dialogs(window)
@@ -62,7 +61,7 @@ def close_file_dialogs(window: QWidget) -> None:
 
 
 def ask_whether(parent: QWidget, text: str, then: Callable[[], None]) -> None:
-    """Show a question and return; ``then`` is called on Yes. No is the default."""
+    """Show a question; ``then`` is called on Yes."""
     yes, no = QMessageBox.StandardButton.Yes, QMessageBox.StandardButton.No
     box = QMessageBox(QMessageBox.Icon.Question, "draglag", plain(text), yes | no, parent.window())
     box.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)

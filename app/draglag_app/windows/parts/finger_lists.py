@@ -1,4 +1,4 @@
-"""Drop-down lists with rows as high as a finger needs."""
+"""Drop-down lists for fingers."""
 
 from __future__ import annotations
 
@@ -6,6 +6,6 @@ from PySide6.QtWidgets import QComboBox, QStyledItemDelegate, QWidget
 
 
 def raise_rows(root: QWidget) -> None:
-    """Give lists of boxes the style sheet's row height, which Qt ignores in boxes without typing."""
+    """Apply the style sheet's row height, which Qt ignores in boxes without typing."""
     for box in root.findChildren(QComboBox):
         box.setItemDelegate(QStyledItemDelegate(box))

@@ -15,7 +15,7 @@ _Metric = QScrollerProperties.ScrollMetric
 
 
 def scroll_by_finger(root: QWidget) -> None:
-    """Let scroll areas below a widget be dragged, except plots."""
+    """Let scroll areas be dragged, except plots."""
     for area in root.findChildren(QAbstractScrollArea):
         if isinstance(area, QGraphicsView):
             continue

@@ -9,7 +9,7 @@ from draglag_app.windows.parts.item_list import ItemList
 
 
 class Flow(ItemList):
-    """Widgets from left to right, in as many lines as needed."""
+    """Widgets in as many lines as needed."""
 
     def __init__(self, spacing_px: int = 8) -> None:
         super().__init__(spacing_px)
@@ -17,7 +17,7 @@ class Flow(ItemList):
         self._right_from: int | None = None
 
     def add_growing(self, widget: QWidget) -> None:
-        """Add a widget that takes the room left in its line, up to its maximum width."""
+        """Add a widget that takes the rest of its line."""
         self._growing.append(widget)
         self.addWidget(widget)
 
@@ -32,7 +32,7 @@ class Flow(ItemList):
         self.addWidget(group)
 
     def add_rest(self) -> None:
-        """Put widgets added later at the right end of their line."""
+        """Put later widgets at the right end."""
         self._right_from = len(self._items)
 
     # --- what a layout must know ----------------------------------------------------------------------------

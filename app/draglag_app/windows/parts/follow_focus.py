@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QApplication, QScrollArea, QWidget
 
 
 class FollowFocus(QObject):
-    """Scrolls ``area`` to its focused widget; Qt does so only for Tab."""
+    """Scrolls to the focused widget; Qt does so only for Tab."""
 
     def __init__(self, area: QScrollArea) -> None:
         super().__init__(area)

@@ -1,4 +1,4 @@
-"""Texts cut off where too long, whole in the tooltip."""
+"""Texts cut off, whole in the tooltip."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MARGINS_PX = 24
 
 
 class ElidedLabel(QLabel):
-    """One line that never widens the window; ``text()`` is whole."""
+    """Never widens the window; ``text()`` is whole."""
 
     def __init__(self, name: str = "") -> None:
         super().__init__()
@@ -83,7 +83,7 @@ class WholeTexts(QStyledItemDelegate):
 
 
 def whole_text(box: QComboBox, tip: str = "") -> None:
-    """Show a box's whole choice as tooltip, and widen its list."""
+    """Show the choice as tooltip, and widen the list."""
 
     def show_tip(text: str) -> None:
         box.setToolTip(plain(": ".join(part for part in (tip, text) if part)))
@@ -94,7 +94,7 @@ def whole_text(box: QComboBox, tip: str = "") -> None:
 
 
 def widen_list(box: QComboBox) -> None:
-    """Widen the list to its longest entry; call again after adding entries."""
+    """Widen the list to its longest entry so far."""
     letters = box.fontMetrics()
     widest = max((letters.horizontalAdvance(box.itemText(k)) for k in range(box.count())), default=0)
     box.view().setMinimumWidth(widest + box.view().verticalScrollBar().sizeHint().width() + _MARGINS_PX)

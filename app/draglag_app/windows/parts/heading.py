@@ -8,8 +8,8 @@ from PySide6.QtWidgets import QGridLayout, QWidget
 
 
 class Heading(QWidget):
-    """``title``, ``buttons`` next to it, ``below`` under both; these two swap places where the title would have less
-    than ``title_px``."""
+    """``buttons`` right of ``title``, ``below`` under both; swapped where the title would have less than
+    ``title_px``."""
 
     def __init__(self, title: QWidget, buttons: QWidget, below: QWidget, title_px: int) -> None:
         super().__init__()

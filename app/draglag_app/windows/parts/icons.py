@@ -13,7 +13,7 @@ from draglag_resources import resource
 
 
 def icon(name: str, colour: str, side_px: int = 44) -> QIcon:
-    """The icon of that name, or an empty one."""
+    """The icon, or an empty one."""
     file = resource("icons", f"{name}.svg")
     if not file.is_file():
         return QIcon()
@@ -30,7 +30,7 @@ _folder: tempfile.TemporaryDirectory[str] | None = None
 
 
 def icon_file(name: str, colour: str) -> str:
-    """The icon as a file: style sheets accept no others."""
+    """The icon as a file, for style sheets."""
     global _folder
     if _folder is None:
         _folder = tempfile.TemporaryDirectory(prefix="draglag-icons-")

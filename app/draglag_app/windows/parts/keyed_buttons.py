@@ -1,4 +1,4 @@
-"""Buttons that show their action's keys, as "Start F5"."""
+"""Buttons that show keys, as "Start F5"."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _APART = "  "  # between what a button does and its keys
 
 
 def show_keys(window: QWidget, usual: Mapping[str, str], present: Mapping[str, str]) -> None:
-    """Replace the usual keys on buttons by the present ones; both: action → keys."""
+    """Replace the usual keys by the present ones; both: action → keys."""
     by_keys = {keys: action for action, keys in usual.items() if keys}
     for button in window.findChildren(QPushButton):
         what, apart, keys = button.text().rpartition(_APART)

@@ -1,4 +1,4 @@
-"""A menu whose entries are chosen by typing; Qt's needs marked letters."""
+"""Menu entries chosen by typing; Qt's need marked letters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _MODIFIED = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifie
 
 
 class LetterMenu(QMenu):
-    """Letters in quick succession are one word; one repeated goes to the next entry."""
+    """Quick letters are one word; one repeated goes to the next entry."""
 
     _typed = ""
     _since: QElapsedTimer | None = None

@@ -13,7 +13,7 @@ _LEAST = QSize(320, 160)
 
 
 class PageStack(QStackedWidget):
-    """As large as the visible page, not the largest."""
+    """As large as the visible page."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -29,7 +29,7 @@ class PageStack(QStackedWidget):
         return self.minimumSizeHint()
 
     def heightForWidth(self, width: int) -> int:
-        """The least height of the visible page; Qt takes the preferred height of the tallest."""
+        """The visible page's least; Qt takes the tallest's preferred."""
         page = self.currentWidget()
         layout = None if page is None else page.layout()
         if layout is None or not layout.hasHeightForWidth():
@@ -58,7 +58,7 @@ class PageScroll(QScrollArea):
 
 
 class ColumnScroll(QScrollArea):
-    """A column of its own width, scrolled if too high."""
+    """A column, scrolled if too high."""
 
     def __init__(self, column: QWidget) -> None:
         super().__init__()

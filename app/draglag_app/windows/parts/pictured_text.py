@@ -13,7 +13,7 @@ PICTURE = "\N{OBJECT REPLACEMENT CHARACTER}"
 
 
 class PicturedText(QTextBrowser):
-    """Markdown with pictures as wide as the text, at most their own width; files relative to ``folder``."""
+    """Markdown with pictures, of files in ``folder``, as wide as fits."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()

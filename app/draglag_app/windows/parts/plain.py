@@ -8,7 +8,7 @@ from PySide6.QtGui import Qt
 
 
 def plain(text: str) -> str:
-    """The text, shown literally where Qt guesses whether it is markup: tooltips, message boxes."""
+    """The text, literal where Qt guesses whether it is markup: tooltips, message boxes."""
     if not Qt.mightBeRichText(text):
         return text
     return "<span>" + escape(text).replace("\n", "<br>") + "</span>"

@@ -22,7 +22,7 @@ class Cancelled(Exception):
 
 @dataclass(eq=False)
 class Task:
-    """One piece of work. No QObject: it must not be deleted while a worker uses it."""
+    """No QObject: it must not be deleted while a worker uses it."""
 
     label: str
     work: Callable[[Progress], Any]
@@ -31,7 +31,7 @@ class Task:
     _cancelled: threading.Event = field(default_factory=threading.Event)
 
     def cancel(self) -> None:
-        """End the work at its next progress call; nothing is reported."""
+        """End at the next progress call; nothing is reported."""
         self._cancelled.set()
 
     @property
@@ -40,7 +40,7 @@ class Task:
 
 
 class Tasks(QObject):
-    """Starts and lists tasks; signals come in this object's thread."""
+    """Starts tasks; signals come in this object's thread."""
 
     progressed = Signal(float, str)
     changed = Signal()
@@ -62,7 +62,7 @@ class Tasks(QObject):
         done: Callable[[Any], None],
         failed: Callable[[str], None],
     ) -> Task:
-        """The started task; ``done(result)`` or ``failed(sentence)`` is called in this thread."""
+        """The task; ``done(result)`` or ``failed(sentence)`` is called in this thread."""
         task = Task(label, work, done, failed)
         self.running.append(task)
         self._pool.start(lambda: self._run(task))

@@ -60,12 +60,12 @@ def theme() -> Theme:
 
 
 def wide(size_px: int) -> int:
-    """A width that holds text, by the chosen text size."""
+    """A width for text of the chosen size."""
     return round(_scale * size_px)
 
 
 def points(size: float) -> str:
-    """A text size as "10pt", by the chosen text size."""
+    """As "10pt", by the chosen text size."""
     return f"{_scale * size:g}pt"
 
 

@@ -36,7 +36,7 @@ _ARROWS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_Home, Qt.Key.Key_End)
 
 
 class Panel(QFrame):
-    """A box with a title; ``body`` holds its content."""
+    """A box; ``body`` holds its content."""
 
     def __init__(self, title: str = "", parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -126,7 +126,7 @@ class Light(QWidget):
 
 
 def label(text: str = "", name: str = "", wrap: bool = False) -> QLabel:
-    """A label of plain text; ``name``: its look in the style sheet."""
+    """Plain text; ``name``: its look in the style sheet."""
     made = QLabel()
     made.setTextFormat(Qt.TextFormat.PlainText)
     made.setText(text)
@@ -157,8 +157,7 @@ def table(titles: Sequence[str], stretch: int = 0, single: bool = True) -> QTabl
 
 
 def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, single: bool = True) -> None:
-    """Set titles, the column that stretches, and selection of one row or several; cells are read-only, Tab leaves the
-    table."""
+    """Set titles, stretching column and selection; read-only; Tab leaves it."""
     made.setColumnCount(len(titles))
     made.setHorizontalHeaderLabels(list(titles))
     made.verticalHeader().hide()
@@ -178,7 +177,7 @@ def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, si
 
 
 class FirstRow(QObject):
-    """Without a selected row, an arrow key selects the current one; Qt goes on to the next."""
+    """Without a selection, an arrow key selects the current row; Qt goes on."""
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         made = self.parent()
@@ -223,7 +222,7 @@ class Scrolled(QScrollArea):
 
 
 class Shallow(QScrollArea):
-    """A label as high as its text, up to ``most_px``, then scrolled."""
+    """As high as its text, up to ``most_px``, then scrolled."""
 
     def __init__(self, inside: QLabel, most_px: int) -> None:
         super().__init__()
@@ -257,7 +256,7 @@ class Shallow(QScrollArea):
 
 
 class Resting:
-    """Disables buttons during their work; the focus returns to the one that had it."""
+    """Disables buttons during their work; the focus returns afterwards."""
 
     def __init__(self, *buttons: QPushButton) -> None:
         self._buttons = buttons

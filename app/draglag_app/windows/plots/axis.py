@@ -20,7 +20,7 @@ class Axis(pg.AxisItem):
     """Pyqtgraph would cut a long title off."""
 
     def write(self, title: str, room_px: float) -> None:
-        """Write the title in letters that fit, else its unit alone."""
+        """Write the title as large as fits, else its unit."""
         unit = re.search(r"\(([^()]+)\)$", title)
         attempts = [(title, size) for size in _LETTERS_PT]
         if unit:

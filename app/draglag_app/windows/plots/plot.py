@@ -23,7 +23,7 @@ _BROAD_PX = 10
 
 
 class Plot(PlotFrame):
-    """Items are drawn under a name: drawing again replaces, and "Save numbers" exports them."""
+    """Items are drawn under a name, which replaces, and exported."""
 
     def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
         self._hover: dict[str, Series] = {}
@@ -80,7 +80,7 @@ class Plot(PlotFrame):
         clicked: Callable[[int], None] | None = None,
         legend: bool = True,
     ) -> None:
-        """Draw points; ``error``: half length of bars; ``words``: shown near the mouse."""
+        """Draw points; ``error``: bars' half length; ``words``: tips."""
         x, y = np.asarray(x, float), np.asarray(y, float)
         look = (colour, symbol, size, hollow)
         if error is None and not words and clicked is None and self._looks.get(name) == look:
@@ -160,7 +160,7 @@ class Plot(PlotFrame):
         self._numbers[name] = (np.array([at]),)
 
     def leave_room_above(self, share: float) -> None:
-        """Make room for a legend, as a share of the height of what is drawn."""
+        """Make room for a legend, as a share of the height."""
         heights = [np.asarray(column, float) for columns in self._numbers.values() for column in columns[1:]]
         values = np.concatenate(heights) if heights else np.empty(0)
         values = values[np.isfinite(values)]

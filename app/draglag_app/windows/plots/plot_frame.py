@@ -114,7 +114,7 @@ class PlotFrame(pg.PlotWidget):
         self._show_emptiness()
 
     def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = _APART) -> None:
-        """Set a title that includes the legend, (sign, colour, words) each. Title and words are HTML."""
+        """Set a title and legend, (sign, colour, words) each; HTML."""
         words = _APART.join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
         self.title_lines(f"{title}{apart}{words}".split("<br>"))
 
@@ -159,7 +159,7 @@ class PlotFrame(pg.PlotWidget):
             plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
 
     def keep_axes_drawn(self) -> None:
-        """Cache axes and grid, for plots redrawn several times a second: they cost as much as all the rest."""
+        """Cache axes and grid: they cost as much as all the rest."""
         for side in ("bottom", "left"):
             self.getPlotItem().getAxis(side).setCacheMode(QGraphicsItem.CacheMode.DeviceCoordinateCache)
 
@@ -254,7 +254,7 @@ class PlotFrame(pg.PlotWidget):
             QMessageBox.warning(self, "draglag", plain(in_words(text)))
 
     def source_line(self) -> str:
-        """The source of what is drawn, for exported pictures."""
+        """The source, for exported pictures."""
         if self.source is not None:
             return self.source()
         of_window = getattr(self.window(), "figure_source", None)
@@ -264,7 +264,7 @@ class PlotFrame(pg.PlotWidget):
         QGuiApplication.clipboard().setImage(signed(self.grab().toImage(), self.source_line()))
 
     def save(self, path: Path) -> None:
-        """Write a PNG, SVG or CSV, by the ending. Raises DataError."""
+        """Write PNG, SVG or CSV, by the ending. Raises DataError."""
         if path.suffix == ".csv":
             write_text(self.csv(), path)
         else:

@@ -24,7 +24,7 @@ _DOT_PX, _LINE_PX = 14.0, 8.0
 
 @dataclass(frozen=True)
 class Series:
-    """Points, or a line through them; ``words``: one text per point, or none."""
+    """Points, or a line; ``words``: per point, or none."""
 
     x: Column
     y: Column
@@ -34,7 +34,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Near:
-    """A place in the plot's units, and its text."""
+    """A place and its text."""
 
     x: float
     y: float
@@ -42,7 +42,7 @@ class Near:
 
 
 def near(view: Any, at: Any, shown: Mapping[str, Series], axes: tuple[str, str]) -> Near | None:
-    """The point, or else the place on a line, close to a scene position in pyqtgraph's ``view``; ``axes``: titles."""
+    """The point, else the place on a line, close to ``at`` in pyqtgraph's ``view``."""
     (x0, x1), (y0, y1) = view.viewRange()
     first, second = view.mapViewToScene(_point(x0, y0)), view.mapViewToScene(_point(x1, y1))
     across, down = (second.x() - first.x()) / ((x1 - x0) or 1.0), (second.y() - first.y()) / ((y1 - y0) or 1.0)
@@ -90,13 +90,13 @@ def _said(name: str, place: Column, axes: tuple[str, str]) -> str:
 
 
 def unit(title: str) -> str:
-    """The unit in brackets at a title's end, or empty."""
+    """The unit in brackets, or empty."""
     found = re.search(r"\(([^()]*)\)\s*$", title)
     return "" if found is None else found[1].removeprefix("± ")
 
 
 def as_csv(axes: tuple[str, str], numbers: Mapping[str, tuple[Column, ...]]) -> str:
-    """CSV of series, x, y and more, with the axes' titles as header."""
+    """CSV with the axes' titles as header."""
     rows = [f"series,{_plain(axes[0])},{_plain(axes[1])},more"]
     for name, columns in numbers.items():
         rows += [",".join([_plain(name), *(f"{value:.9g}" for value in row)]) for row in zip(*columns, strict=False)]
@@ -108,7 +108,7 @@ def _plain(text: str) -> str:
 
 
 def write_picture(item: Any, path: Path, width_px: int, source: str) -> None:
-    """Write a plot item as SVG or PNG, by the ending, with its source. Raises DataError."""
+    """Write an SVG or PNG with its source. Raises DataError."""
     try:
         if path.suffix == ".svg":
             with new_file(path, replace=True) as growing:
@@ -144,7 +144,7 @@ def signed(image: QImage, source: str) -> QImage:
 
 
 def signed_svg(svg: bytes, source: str) -> bytes:
-    """The drawing with its source below; unchanged where its size is unknown."""
+    """With its source below; unchanged if of unknown size."""
     text = svg.decode()
     box = re.search(r'viewBox\s*="([-\d.]+) ([-\d.]+) ([\d.]+) ([\d.]+)"', text)
     if box is None:

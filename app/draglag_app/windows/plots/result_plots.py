@@ -25,7 +25,7 @@ _SCAN_HALF_S = 0.05
 
 
 class AlignmentPlot(Plot):
-    """Touch positions at the edges, uncorrected and shifted by the latency (the paper's Fig. 4)."""
+    """Positions at the edges, uncorrected and shifted by the latency (the paper's Fig. 4)."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(tr("Edges on the screen"), tr("x (mm)"), tr("y (mm)"), "alignment", parent)
@@ -76,7 +76,7 @@ class AlignmentPlot(Plot):
 
 
 class CostPlot(Plot):
-    """J against a shift: how sharply the data determine the latency."""
+    """J against a shift: how sharply data determine the latency."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("", tr("shift L (ms)"), tr("J per edge (mm²)"), "cost", parent)
@@ -168,7 +168,7 @@ class TapsPlot(Plot):
 
 
 class ValidationView(QWidget):
-    """Misalignment that the curve removes from runs not used for it (Eq. 4)."""
+    """Misalignment the curve removes from other runs (Eq. 4)."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -50,7 +50,7 @@ class _Reader:
 
 
 class Calibrating(QObject):
-    """At most one calibration at a time. Signals come in the window's thread."""
+    """One calibration at a time. Signals come in the window's thread."""
 
     changed = Signal()
     """Began, ended, or another target is due."""

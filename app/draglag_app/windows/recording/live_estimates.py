@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 class LiveEstimates(QObject):
-    """Estimates each run right after its end, and again once saved.
+    """Estimates each run after its end, and again once saved.
 
     Attributes:
-        known: one estimate per run, in order of recording.
-        preliminary: ids of runs whose last events are still to come.
+        known: in order of recording.
+        preliminary: ids of runs not whole yet.
         curve: through whole runs; None while too few.
     """
 
@@ -118,7 +118,7 @@ class LiveEstimates(QObject):
 
 
 def curve_through(known: list[RunEstimate]) -> CurveFit | None:
-    """The best curve; None while there are too few runs."""
+    """The best curve; None while too few."""
     points = curve_points([estimate for estimate in known if not excluded_because(estimate)])
     try:
         return fit_best(points)

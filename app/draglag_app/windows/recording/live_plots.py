@@ -23,7 +23,7 @@ def _thinned(table: np.ndarray) -> np.ndarray:
 
 
 class TracePlot(Plot):
-    """The screen under test: target's path, touch trace, beam, edges."""
+    """Target's path, touch trace, beam, edges."""
 
     _begun: tuple[Order | None, PlannedRun | None] = (None, None)
 
@@ -96,7 +96,7 @@ class TracePlot(Plot):
 
 
 class SpeedPlot(Plot):
-    """Speed of the stylus, by its touches, and of the target."""
+    """Speed of stylus and target."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("", tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)

@@ -26,10 +26,7 @@ _ROOM_S, _MOST_WAITS = 0.010, 3
 
 
 class LiveView(QSplitter):
-    """Draws right after a frame of the participant's target, with the longest time to the next.
-
-    ``next_frame_s``: time until then; 0 where nothing moves.
-    """
+    """Draws right after a frame of the participant's target, with the longest time to the next."""
 
     drawing = Signal()
     """Ten times a second during a session, when there is time to draw."""
@@ -82,7 +79,7 @@ class LiveView(QSplitter):
         self._frame_drawn.stop()
 
     def dock(self, picture: ParticipantWindow) -> None:
-        """Show the participant's picture next to the plots, until the session ends."""
+        """Show the participant's picture until the session ends."""
         self._docked = DockedPicture(picture, picture.ratio)
         self.insertWidget(0, self._docked)
         self.setSizes([300, 500, 380])

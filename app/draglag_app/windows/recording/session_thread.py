@@ -29,7 +29,7 @@ from draglag_devices.rig import Rig
 
 @dataclass(frozen=True)
 class Order:
-    """What to record; ``display``: "window", "offscreen" or "screen N"."""
+    """``display``: "window", "offscreen" or "screen N"."""
 
     protocol: Protocol
     rig: Rig
@@ -40,7 +40,7 @@ class Order:
 
 
 class Recording(QObject):
-    """Starts and steers one session at a time. Signals come in the window's thread."""
+    """Starts and steers one session. Signals come in the window's thread."""
 
     began = Signal(object)
     ended = Signal(object, object)
@@ -108,12 +108,12 @@ class Recording(QObject):
         self.began.emit(order)
 
     def planned(self, run: str | Run) -> PlannedRun | None:
-        """The plan of a run; repeats (run-03-2) share the first's."""
+        """A run's plan, also for repeats (run-03-2)."""
         run_id = run if isinstance(run, str) else run.id
         return self._plan.get(run_id) or self._plan.get("-".join(run_id.split("-")[:2]))
 
     def left_s(self, run_number: int) -> float:
-        """Time planned after that run (from 1): runs, queued ones, taps, clock check."""
+        """Time planned after that run (from 1), with queued runs."""
         order, control = self.order, self.control
         if order is None:
             return 0.0
@@ -123,7 +123,7 @@ class Recording(QObject):
         return planned_after_s(order.protocol, plan, order.options.countdown_s)
 
     def stop_and_wait(self) -> None:
-        """End the session and wait until the file is closed."""
+        """End the session; its file is closed then."""
         if self.control is not None:
             self.control.no_place()
             self.control.stop()

@@ -1,4 +1,4 @@
-"""The library's sentences that name commands → the windows', naming buttons and pages; the latter is translated."""
+"""The library's sentences that name commands → the windows', naming buttons."""
 
 from __future__ import annotations
 

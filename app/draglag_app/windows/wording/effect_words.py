@@ -78,7 +78,7 @@ def effect_meaning(effect: str) -> str:
 
 
 def size_words(parameter: str, value: float, interval: tuple[float, float] | None = None) -> str:
-    """A parameter's name and size with its 95 % interval, in the operator's unit."""
+    """A parameter's name, size and 95 % interval, in the operator's unit."""
     name, unit, factor = _shown_as(parameter)
     text = f"{_say(name)} {factor * value:.4g}{unit}"
     if interval is None:
@@ -87,7 +87,7 @@ def size_words(parameter: str, value: float, interval: tuple[float, float] | Non
 
 
 def main_size(parameters: Mapping[str, Any]) -> tuple[str, str]:
-    """Size and interval of a step's first parameter: "24.9 ppm", "23.7 to 26.2"; or empty."""
+    """Of a step's first parameter: "24.9 ppm", "23.7 to 26.2"; or empty."""
     for parameter, given in parameters.items():
         _, unit, factor = _shown_as(parameter)
         low, high = given["ci95"]

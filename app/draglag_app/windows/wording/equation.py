@@ -26,7 +26,7 @@ EQUATIONS = {
 
 
 def equation_html(curve: CurveFit) -> str:
-    """Equation and coefficients with half 95 % intervals; no equation for another package's form."""
+    """Equation, if known, and coefficients with half 95 % intervals."""
     half, parts = curve.half_intervals, []
     for name, value in sorted(curve.parameters.items()):
         symbol, unit = symbol_html(escape(name))

@@ -1,4 +1,4 @@
-"""The gap report's sentences; each empty where there is nothing to say."""
+"""A gap report's sentences; empty where there is nothing to say."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ _FOLLOWS = {
 
 
 def followed(covariate: str) -> str:
-    """What a gap follows: a covariate or an effect."""
+    """A covariate or an effect."""
     return QCoreApplication.translate("Gap", _FOLLOWS[covariate]) if covariate in _FOLLOWS else effect_name(covariate)
 
 
 def headline(report: dict[str, Any]) -> str:
-    """The verdict: causes, sizes, probabilities, and the gap they leave."""
+    """The verdict: causes, sizes, probabilities, gap."""
     sizes = {"last": f"{report['gap_last_mm']:.2f}", "floor": f"{report['noise_floor_mm']:.2f}"}
     verdict, more = str(report["verdict"]), bool(report.get("tolerated"))
     out = _causes(report, sizes)
@@ -55,7 +55,7 @@ def headline(report: dict[str, Any]) -> str:
 
 
 def law_words(report: dict[str, Any]) -> str:
-    """That the curve is not Eq. 5, and by how much."""
+    """By how much the curve is not Eq. 5."""
     law = report.get("law") or {"adequate": True}
     if law["adequate"]:
         return ""
@@ -77,7 +77,7 @@ def noise_words(report: dict[str, Any]) -> str:
 
 
 def set_words(names: Sequence[str]) -> str:
-    """A set of effects: "clock drift and beam bow", "no effect", or "something without a name"."""
+    """ "clock drift and beam bow", "no effect", or "something without a name"."""
     if tuple(names) == UNEXPLAINED:
         return _say(_NAMELESS)
     if not names:
@@ -87,7 +87,7 @@ def set_words(names: Sequence[str]) -> str:
 
 
 def compared_words(report: dict[str, Any]) -> str:
-    """Explanations that share 95 % of the probability, a line each."""
+    """Explanations with 95 % of the probability, a line each."""
     return "\n".join(f"{stated(p)}  {set_words(names)}" for names, p in _explanations(report))
 
 
@@ -161,7 +161,7 @@ _NO_EFFECT = QT_TRANSLATE_NOOP("Gap", "no effect")
 
 
 def check_words(report: dict[str, Any]) -> str:
-    """Statistics of the simulated session that disagree with the measured ones."""
+    """Statistics of simulated and measured session that disagree."""
     items = [
         f"{_say(_STATISTICS[one['name']])} {one['measured']:.3g} / {one['simulated']:.3g}"
         for one in report.get("check", ())
@@ -187,7 +187,7 @@ def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
 
 
 def names_words(step: dict[str, Any]) -> str:
-    """A step's effect and those indistinguishable from it: "clock drift or thermal drift"."""
+    """ "clock drift or thermal drift", where indistinguishable."""
     names = [effect_name(step["effect"]), *map(effect_name, step.get("indistinguishable_from") or ())]
     return reduce(lambda one, other: _say(_OR).format(one=one, other=other), names)
 

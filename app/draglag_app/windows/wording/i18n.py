@@ -1,4 +1,4 @@
-"""Translations: one TOML file per language, English text → translation, whatever the context."""
+"""Translations, English text → translation, whatever the context."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from draglag_resources import resource
 
 
 def QT_TRANSLATE_NOOP(context: str, text: str) -> str:
-    """Mark a text for translation where it is shown; Qt's own is typed as returning object."""
+    """Mark a text for translation; Qt's own is typed as object."""
     return text
 
 
@@ -41,7 +41,7 @@ class TableTranslator(QTranslator):
 
 
 def language_of(setting: str) -> str:
-    """The language of a setting; English without a translation."""
+    """A setting's language; English without a translation."""
     if setting == "system":
         setting = (locale.getlocale()[0] or "en")[:2]
     return setting if resource("translations", f"{setting}.toml").is_file() else "en"
@@ -56,7 +56,7 @@ def table_of(language: str) -> dict[str, str]:
 
 
 def use_language(application: QCoreApplication, setting: str) -> None:
-    """Set the language; texts already shown do not change."""
+    """Set the language of texts shown later."""
     for old in application.findChildren(TableTranslator):
         application.removeTranslator(old)
         old.deleteLater()

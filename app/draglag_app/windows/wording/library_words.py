@@ -1,4 +1,4 @@
-"""Sentences of library and instruments, translated by their English template (``draglag.messages``)."""
+"""The library's sentences, translated by template (``draglag.messages``)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CLOSED = QT_TRANSLATE_NOOP(
 
 
 def in_words(text: str) -> str:
-    """A message, and those in it, translated; English if not in the table."""
+    """A message, translated with those in it; else English."""
     said = phrase(text)
     words = QCoreApplication.translate("Library", IN_BUTTONS.get(said.template, said.template))
     return words.format(**{name: _argument(name, value) for name, value in said.arguments.items()})

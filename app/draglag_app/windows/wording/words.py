@@ -101,7 +101,7 @@ def per_second(rate_hz: float) -> str:
 
 
 def duration_ms(value_s: float) -> str:
-    """A short time in ms, from a second on in s."""
+    """In ms, from a second on in s."""
     return f"{1e3 * max(0.0, value_s):.0f} ms" if value_s < 1.0 else f"{value_s:.1f} s"
 
 
@@ -121,7 +121,7 @@ def latency_text(estimate: RunEstimate) -> str:
 
 
 def verdict(estimate: RunEstimate) -> tuple[str, str]:
-    """(level, words) of an estimate: "ok", "warning" or "bad"."""
+    """(level, words): "ok", "warning" or "bad"."""
     level, names = verdict_parts(estimate)
     return level, ", ".join(names)
 

@@ -19,9 +19,9 @@ def tr(text: str) -> str:
 
 
 def verdict_words(estimate: RunEstimate, preliminary: bool, queued: bool = False) -> tuple[str, str, str]:
-    """(level, words, more), words readable across a room: "✓ 38.7 ± 0.1 ms" or "▲ few edges: repeat? F7".
+    """(level, words, more): "✓ 38.7 ± 0.1 ms" or "▲ few edges: repeat? F7".
 
-    ``more``: reasons without room. ``queued``: the run will be repeated anyway.
+    ``more``: what has no room. ``queued``: repeated anyway.
     """
     if preliminary:
         return "", words.latency_text(estimate) + " …", ""
@@ -57,9 +57,9 @@ def comes_again() -> str:
 
 
 def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, more: str = "") -> str:
-    """Time left in rest (infinite: until a key) and session, ``more``, then the keys.
+    """Time left in rest (infinite: until a key) and session, ``more``, keys.
 
-    The keys come last: if cut off, the buttons still name them.
+    The keys come last: if cut off, buttons name them.
     """
     parts = []
     if math.isfinite(left_s):

@@ -27,7 +27,7 @@ _LONGEST = 0.12
 
 
 class CalibrationPanel(Panel):
-    """``store(calibration or None)`` puts one in use, or none."""
+    """``store`` puts a calibration in use, or none."""
 
     def __init__(
         self,

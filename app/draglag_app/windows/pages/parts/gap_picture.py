@@ -52,7 +52,7 @@ _LETTERS = 14
 
 
 class GapPicture(QWidget):
-    """The plot, and the choice of what it shows."""
+    """A plot, and what it shows."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -90,13 +90,13 @@ class GapPicture(QWidget):
         self.which.currentIndexChanged.connect(self.draw)
 
     def show_overlay(self, overlay: dict[str, Any] | None, why: str = "") -> None:
-        """Draw the library's ``overlay_numbers``, or say why there are none."""
+        """Draw the library's ``overlay_numbers``, or say ``why`` not."""
         self._overlay, self._model = overlay, -1
         self.words.setText(why)
         self.draw()
 
     def choose_step(self, step: int) -> None:
-        """Compare a step's model with the one before; −1: the last with the first."""
+        """Compare a step with the one before; −1: last with first."""
         self._model = step
         self.draw()
 

@@ -54,7 +54,7 @@ class StepTable(QTableWidget):
             self._add(k, step, compared)
 
     def chosen(self) -> tuple[int, str]:
-        """Selected row and effect; −1 and "" if none."""
+        """Row and effect; −1 and "" if none."""
         rows = self.selectionModel().selectedRows()
         item = self.item(rows[0].row(), 0) if rows else None
         return (-1, "") if item is None else (item.row(), str(item.data(Qt.ItemDataRole.UserRole)))
@@ -85,7 +85,7 @@ _PROBABLE = 0.5
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar of the waterfall, from the gap after a step to the gap before."""
+    """The gap after a step to the gap before."""
 
     name: str
     kind: str  # "first", "step", "provisional" or "floor"
@@ -94,7 +94,7 @@ class Bar:
 
 
 def waterfall(report: dict[str, Any]) -> list[Bar]:
-    """Bars from the first gap over the steps to the noise floor.
+    """Bars of first gap, steps, noise floor.
 
     Provisional: an unnamed term, and effects less probable than not.
     """
@@ -162,12 +162,12 @@ def _left(bar: Bar) -> float:
 
 
 def unseen(report: dict[str, Any]) -> list[str]:
-    """Effects that the session could not show, a line each."""
+    """Effects the session could not show."""
     return [f"{effect_name(effect)}: {in_words(why)}" for effect, why in report.get("not_seen", {}).items()]
 
 
 def remarks(report: dict[str, Any], added: Collection[str], without: Collection[str]) -> list[str]:
-    """Lines on other explanations, effects by taps or by hand, runs left out, tolerated structure."""
+    """Lines on other explanations, effects by hand, runs left out."""
     steps = report["steps"]
     lines = [also_words(report)]
     for step in steps:

@@ -1,4 +1,4 @@
-"""The keys of every action, to change."""
+"""Keys of every action."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HIGH_PX = 260
 
 
 class KeysPanel(Panel):
-    """A row per action; the field below changes the selected one's keys."""
+    """A row per action; a field changes its keys."""
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__()
@@ -67,7 +67,7 @@ class KeysPanel(Panel):
         self._chosen()
 
     def use(self, keys: str) -> None:
-        """Give the selected action these keys, unless another has them."""
+        """Use these keys, unless another action has them."""
         action, chosen = self.action, self._space.settings.keys
         if not action or not keys:
             return

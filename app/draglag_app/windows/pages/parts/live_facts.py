@@ -1,4 +1,4 @@
-"""Numbers of a recording, and the line for notes."""
+"""Numbers of a recording; notes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def tr(text: str) -> str:
 
 
 class LiveFacts(Panel):
-    """``noted``: a note was written, or none. ``write`` keeps a note."""
+    """``noted``: a note was written, or none."""
 
     noted = Signal()
 
@@ -86,7 +86,7 @@ class LiveFacts(Panel):
             self.facts["touch_age"].show_text(words.duration_ms(age_s))
 
     def keep(self, text: str) -> bool:
-        """Whether there was a session to keep the note in."""
+        """Whether a session took the note."""
         kept = self._write(text)
         if kept:
             now = datetime.now().strftime("%H:%M:%S")

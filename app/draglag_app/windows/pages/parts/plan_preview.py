@@ -1,4 +1,4 @@
-"""A protocol's duration and order on the screen under test."""
+"""A protocol's duration and order."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from draglag_app.windows.workspace import Workspace
 
 
 class PlanPreview(QObject):
-    """A line of words, and a plot of speed against session time."""
+    """Words, and a plot of speed against session time."""
 
     def __init__(self, workspace: Workspace, parent: QObject | None = None) -> None:
         super().__init__(parent)

@@ -1,4 +1,4 @@
-"""The expected precision of latencies, predicted in a worker."""
+"""The expected precision of latencies."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _MOST_REMEMBERED = 2000
 
 
 class PrecisionPreview(QWidget):
-    """Half the 95 % interval against speed; predicted only while visible and nothing is recorded."""
+    """Half the 95 % interval against speed, predicted while visible and not recording."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None) -> None:
         super().__init__(parent)

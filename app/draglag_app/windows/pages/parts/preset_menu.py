@@ -23,7 +23,7 @@ _SENTENCE_SHARE = 0.6
 
 
 class PresetMenu(LetterMenu):
-    """``chosen`` gets a preset's name; ``panel`` gives the screen for durations."""
+    """``chosen`` gets a name; ``panel`` gives the screen."""
 
     def __init__(self, parent: QWidget, panel: Callable[[], PanelSettings], chosen: Callable[[str], object]) -> None:
         super().__init__(parent)
@@ -37,7 +37,7 @@ class PresetMenu(LetterMenu):
         self.aboutToShow.connect(self.write)
 
     def write(self) -> None:
-        """Write the entries for the present screen and width."""
+        """Write the entries for the present screen."""
         parent = self.parentWidget()
         room_px = int(_SENTENCE_SHARE * parent.window().width()) if parent is not None else 0
         for name, (entry, protocol) in self._entries.items():

@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 
 class Cell(QTableWidgetItem):
-    """Sorted by the number its text begins with, else by text."""
+    """Sorted by its leading number, else by text."""
 
     def __init__(self, text: str, key: str) -> None:
         super().__init__(text)
@@ -112,7 +112,7 @@ class RunTable(QTableWidget):
         self.setRowCount(0)
 
     def add_run(self, run: Run, outcome: str = "complete") -> None:
-        """Add a run, without estimate; a known one keeps its row."""
+        """Add a run; a known one keeps its row."""
         with self._order_kept():
             self._add_run(run, outcome)
         self.scrollToBottom()
@@ -143,7 +143,7 @@ class RunTable(QTableWidget):
         excluded: Mapping[str, str] | None = None,
         preliminary: Collection[str] = (),
     ) -> None:
-        """Fill in latency and verdict; ``preliminary`` ones are not judged yet."""
+        """Fill in estimates; ``preliminary`` ones are not judged."""
         with self._order_kept():
             self._show_estimates(estimates, excluded or {}, preliminary)
 

@@ -1,4 +1,4 @@
-"""The state on Record, readable across a room, and buttons."""
+"""The state on Record, and buttons."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class StateBand(Panel):
             self.progress.setValue(0)
 
     def show_mend(self, text: str) -> None:
-        """Show the button to the first obstacle; hidden without a text."""
+        """Show the button to the first obstacle, if any."""
         self.buttons["mend"].setVisible(bool(text))
         self.buttons["mend"].setText(text)
 
@@ -89,7 +89,7 @@ class StateBand(Panel):
         self.progress.setVisible(running)  # of a run alone: a rest needs the room for its words
 
     def say(self, big: str, small: str, level: str = "") -> None:
-        """Show two lines; ``level``: "live", "good", "warning", "bad" or none."""
+        """Show two lines; ``level``: "live", "good", "warning", "bad"."""
         before = self.big.text(), self.small.text()
         for line, text in ((self.big, big), (self.small, small)):
             if line.text() != text:
@@ -120,7 +120,7 @@ class StateBand(Panel):
 
 
 def plain_row() -> tuple[QWidget, QHBoxLayout]:
-    """A widget without margins and the row in it."""
+    """A widget without margins, and its row."""
     made = QWidget()
     row = QHBoxLayout(made)
     row.setContentsMargins(0, 0, 0, 0)
