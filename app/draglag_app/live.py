@@ -32,7 +32,7 @@ class LiveRun:
     speed: list[FloatArray] = field(default_factory=lambda: [np.empty((0, 2))])
 
     def add(self, samples: SamplesArrived) -> None:
-        """Add a digest of this run."""
+        """Add a digest; one of another run is ignored."""
         if samples.run_id != self.run_id:
             return
         if len(samples.t_s):

@@ -1,4 +1,4 @@
-"""Device addresses, ``scheme:target?option=value&…``; no missing device is replaced by the simulator."""
+"""Device addresses, ``scheme:target?option=value&…``; the simulator replaces no missing device."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Address:
 
 
 def parse_address(text: str) -> Address:
-    """The parsed address. Raises DeviceError that lists the known forms."""
+    """The parsed address. Raises DeviceError."""
     text = text.strip()
     scheme, colon, rest = text.partition(":")
     if not colon or (scheme not in _SERVES and scheme not in other_drivers()):

@@ -73,7 +73,7 @@ def load_calibration(path: Path) -> tuple[AffineFit, str]:
 
 
 def load_touches(path: Path) -> TouchCalibration:
-    """A saved calibration; without touches in old files. Raises DataError."""
+    """A saved calibration; touches are empty where the file has none. Raises DataError."""
     fit, device = load_calibration(path)
     content = _read(path)
     touches = content.get("touches", dict.fromkeys(_TOUCHES, ()))

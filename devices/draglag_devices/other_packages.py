@@ -31,7 +31,7 @@ class Driver(Protocol):
 
 
 def drivers_of_others(taken: Collection[str], roles: Collection[str]) -> dict[str, Driver]:
-    """Scheme → driver; warns of unusable ones. ``taken``: draglag's schemes; ``roles``: known ones."""
+    """Scheme → driver, without ``taken`` schemes; warns of unusable ones."""
     return _drivers(frozenset(taken), frozenset(roles))
 
 

@@ -67,7 +67,7 @@ class Tape:
             self.timelines[role].add(clock=_with_upper_bound(moved))
 
     def begin_taps(self, tap: Tap, start_s: float) -> None:
-        """Play shocks, and contacts as registered."""
+        """Play shocks and registered contacts."""
         taps = self._taps
         if taps is None or len(taps.physical_s) == 0:
             return

@@ -65,7 +65,7 @@ def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
 
 
 def give_panel(sources: Iterable[Source], screen: Screen) -> None:
-    """Give the panel's size to sources that accept it; before ``open``."""
+    """Give the panel's size to sources; before ``open``."""
     for source in sources:
         if isinstance(source, AcceptsPanel):
             source.use_panel(screen.width_mm, screen.height_mm)

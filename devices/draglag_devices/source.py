@@ -25,7 +25,7 @@ class DeviceError(DraglagError):
 
 @dataclass(frozen=True)
 class Notice:
-    """For operator and file. ``state``: "lost", "back" or empty."""
+    """A notice for operator and file; ``state``: "lost", "back" or empty."""
 
     t_s: float
     level: str  # "info" | "warning" | "error"
@@ -64,7 +64,8 @@ class ContactChanges:
 class Batch:
     """Result of one read; complete up to the host time ``until_s``.
 
-    ``alive``: False while a lost device is searched for. A WALT's shocks are taps with ``registered_s`` NaN.
+    ``alive``: False while a lost device is searched for. A WALT's shocks are taps with ``registered_s`` NaN, which the
+    session pairs with ``contacts``.
     """
 
     until_s: float
@@ -98,7 +99,7 @@ class Source(Protocol):
 
 @runtime_checkable
 class Paced(Protocol):
-    """A source that says whether it runs in real time."""
+    """A source that says whether it runs in real time; others do."""
 
     realtime: bool
     """False where a reader may wait until samples are used (simulation, replay)."""

@@ -47,7 +47,7 @@ class TouchesTargets(Protocol):
 class Stage:
     """Shared by a session's sources.
 
-    ``players``: by a key such as a tape's path, so that its touch and laser stay together.
+    ``players``: by a key such as a tape's path, which joins its touch and laser.
     """
 
     time_base: TimeBase = field(default_factory=HostTime)
@@ -81,7 +81,7 @@ class Stage:
 
 
 def contact_changes(touch: TouchTrace, lift_after_s: float) -> ContactChanges:
-    """Beginnings and ends of contacts, ends ``lift_after_s`` after the last event."""
+    """Beginnings and ends of contacts, these ``lift_after_s`` late."""
     n = len(touch.t_s)
     if n == 0:
         return ContactChanges(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))

@@ -52,8 +52,6 @@ def part(samples: _Samples, first: int, last: int) -> _Samples:
 
 @dataclass
 class _Lane:
-    """Samples of one kind by time."""
-
     pending: list[Any] = field(default_factory=list)
 
     def add(self, samples: Any) -> None:
@@ -133,7 +131,7 @@ class Timeline:
 class TimelineSource:
     """A source that reads a timeline.
 
-    Edges' device stamps are mapped through bounds so far, as by a real driver. ``device_clock``: stamps of shocks.
+    Edges' device stamps are mapped through bounds so far, as by a real driver; ``device_clock`` stamps shocks.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""One of many sessions."""
+"""The work on one of many sessions."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Outcome:
 
 
 def options_kept(options: AnalysisOptions, model: str = "") -> dict[str, Any]:
-    """Options as stored with a result; ``model``: of the correction."""
+    """Options as stored with a result; ``model``: file of the correction."""
     return {
         "estimator": options.estimator,
         "update_rate_hz": options.update_rate_hz,

@@ -25,14 +25,14 @@ NAME_BYTES = 200
 
 
 class Seed(click.IntRange):
-    """At most 128 bits."""
+    """A seed of at most 128 bits."""
 
     def __init__(self) -> None:
         super().__init__(min=0, max=WHOLE_MOST)
 
 
 class FiniteRange(click.FloatRange):
-    """Refuses inf and nan."""
+    """A range that also refuses inf and nan."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
@@ -60,7 +60,7 @@ def load_session(path: Path) -> Session:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yields a place; the file gets its name at the block's end. Raises DataError."""
+    """Yields a temporary path; the file gets its name when the block ends. Raises DataError."""
     from draglag.system.temporary import new_file
 
     try:
@@ -85,7 +85,7 @@ def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> Non
 def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
     """Store a result in its session file; failure is a warning, or a DataError if ``must``.
 
-    Nothing is said of exchange folders and journals, which keep none.
+    Without ``must``, exchange folders and journals, which keep none, are no failure.
     """
     from draglag.store import add_analysis
     from draglag.store.journal import is_journal
@@ -151,7 +151,7 @@ def print_json(value: Mapping[str, Any]) -> None:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], left: int = 1) -> str:
-    """A text table, numbers right-aligned: all columns but the first ``left`` and the last."""
+    """A text table; the first ``left`` columns and the last are left-aligned."""
     widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
 
     def line(row: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""The commands and their errors."""
+"""The commands, and how errors reach people."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ _SHOWN = 200  # characters of a name in a message
 
 
 class LazyGroup(click.Group):
-    """Imports a command when called."""
+    """A group that imports a command when called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -102,7 +102,7 @@ def cli(ctx: click.Context) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Exit code 0 done, 1 error, 2 usage."""
+    """Run the command line; exit code 0 done, 1 error of data or rig, 2 usage."""
     sweep_for(sys.argv[1:] if arguments is None else arguments)
     guard_output()
     cli.main(args=None if arguments is None else list(arguments), prog_name="draglag")
@@ -115,7 +115,7 @@ def load(place: str) -> Any:
 
 
 def spoken(action: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a command; an error becomes a line on stderr and exit 1, a bug also a file."""
+    """Run a command; an error becomes a line on stderr and exit 1, a bug also a saved traceback."""
     try:
         return action(*arguments)
     except (click.exceptions.Exit, click.ClickException, click.Abort):

@@ -21,7 +21,7 @@ Function = Callable[..., Any]
 
 
 def work_options(command: Function) -> Function:
-    """Options on the place of work."""
+    """Add --jobs and --scheduler."""
     for option in (
         click.option("--scheduler", metavar="ADDRESS", help="Work on a Dask cluster: its scheduler, as tcp://host:8786."),
         click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Processes. Default: one a core."),
@@ -31,7 +31,7 @@ def work_options(command: Function) -> Function:
 
 
 def many_options(command: Function) -> Function:
-    """Options for one session or many."""
+    """Add the options of a command for one session or many."""
     command = work_options(command)
     for option in (
         click.option("--summary", "summary_path", type=click.Path(path_type=Path), metavar="FILE.html",
@@ -69,14 +69,14 @@ def is_one(paths: Sequence[Path]) -> bool:
 
 
 def only_one(asked: Mapping[str, object]) -> None:
-    """Raise click.UsageError for options without many sessions."""
+    """Raise click.UsageError for options that need a single session."""
     for name, value in asked.items():
         if value:
             raise click.UsageError(f"{name} works on one session, and several are named.")
 
 
 def only_many(asked: Mapping[str, object]) -> None:
-    """Raise click.UsageError for options of many sessions."""
+    """Raise click.UsageError for options that need several sessions."""
     for name, value in asked.items():
         if value is not None:
             raise click.UsageError(f"{name} is of many sessions; name several, a folder of them or a glob.")
@@ -114,7 +114,7 @@ def run_many(
 
 
 def refuse_outputs(out: Path | None, *others: Path | None) -> None:
-    """Raise for outputs that cannot be written."""
+    """Raise, before long work, for outputs that cannot be written."""
     for path in filter(None, (out, *others)):
         refuse_existing(path)
     if out is not None and out.suffix not in (".csv", ".parquet"):
@@ -141,9 +141,9 @@ def conclude(
     outcomes: Sequence[Outcome], columns: Sequence[str], shown: Sequence[tuple[str, str, int]], *, legend: str,
     title: str, out: Path | None, summary: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Write the results, name failures; exit 1 if any.
+    """Print the results, write table and page, name failures; exit 1 if any.
 
-    ``shown``: columns, heads and digits (−1: no number) for people.
+    ``shown``: columns for people, with head and digits (−1: no number).
     """
     head = [name for _, name, _ in shown]
     cells = [[_cell(outcome.row, key, digits) for key, _, digits in shown] for outcome in outcomes]

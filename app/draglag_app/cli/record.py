@@ -111,7 +111,7 @@ def record(
 
 
 def display_number(display: str, screen_number: str | None) -> int | None:
-    """The screen's number, None offscreen. Raises click.UsageError."""
+    """Number of the participant's screen, from 1; None for offscreen. Raises click.UsageError."""
     words = re.fullmatch(r"screen[ :=-]?(\d*)", display)
     if display == "offscreen" and screen_number is None:
         return None
@@ -124,7 +124,7 @@ def display_number(display: str, screen_number: str | None) -> int | None:
 def session_options(
     rig: Rig, screen_name: str, seed: int | None, stylus_mm: float | None = None, note: str = ""
 ) -> SessionOptions:
-    """Options, with a simulated world's stylus and beam. Raises DataError."""
+    """Session options; stylus and beam are the simulated world's, if any. Raises DataError."""
     preset = load_screen_file(screen_name)
     screen = Screen(preset.name, **preset.screen.model_dump())
     stylus, beam = Stylus(preset.stylus.diameter_mm), None
@@ -161,7 +161,7 @@ def record_with(
 ) -> Path:
     """The path of a recorded session. Raises DraglagError, also when it ended early.
 
-    ``spare``: folder to continue in when ``out`` is full or gone. ``lsl``: also stream there.
+    ``spare``: folder to continue in when ``out`` is full or gone. ``lsl``: also stream to the Lab Streaming Layer.
     """
     problem = ""
     notify = progress_printer()
@@ -235,7 +235,7 @@ def stop_on_signals(control: Control) -> Iterator[None]:
 
 
 def progress_printer() -> events.Listener:
-    """A listener that prints on stderr."""
+    """A listener that prints runs and warnings on stderr."""
     quiet = not sys.stderr.isatty()
     numbers: dict[str, str] = {}
 

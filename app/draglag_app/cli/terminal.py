@@ -1,4 +1,4 @@
-"""A terminal gets no control characters from files."""
+"""Keeps control characters in names and notes of a file from a terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from draglag.errors import one_line
 
 
 class _Printable(TextIOWrapper):
-    """Without control characters."""
+    """Text without control characters other than tabs and line ends."""
 
     def write(self, text: str, /) -> int:
         lines = (part if part in "\n\t" else one_line(part) for part in _parts(text))

@@ -39,7 +39,7 @@ def need_display() -> None:
 
 
 def _qt_starts() -> bool:
-    """In another process, which it may end."""
+    """Whether Qt starts, tried in another process, which it may end."""
     trial = [sys.executable, "-c", "from PySide6.QtGui import QGuiApplication; QGuiApplication([])"]
     try:
         done = subprocess.run(trial, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=False)

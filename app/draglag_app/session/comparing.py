@@ -24,12 +24,12 @@ class Comparisons:
         self._saver = saver
 
     def ask(self, roles: tuple[str, ...]) -> dict[str, threading.Event]:
-        """Role → event, set once compared."""
+        """Role → event, set when that source has compared."""
         living = {role: source for role, source in self._comparing.items() if role not in self._saver.lost}
         return {role: source.synchronise() for role, source in living.items() if role in roles}
 
     def wait(self, roles: tuple[str, ...]) -> None:
-        """Compare; wait until saved."""
+        """Ask, and wait until the comparisons are saved."""
         deadline_s = time.monotonic() + _COMPARE_S
         for role, done in self.ask(roles).items():
             while not done.wait(TICK_S) and time.monotonic() < deadline_s and role not in self._saver.lost:

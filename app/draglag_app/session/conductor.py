@@ -52,7 +52,7 @@ class _Recorded:
 
 
 class Conductor:
-    """Runs the protocol."""
+    """Runs the protocol, and takes the operator's requests."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class Conductor:
         self._compare = Comparisons(rig.sources, self._time, self._saver)
 
     def run_plan(self, plan: tuple[PlannedRun, ...]) -> None:
-        """Run and repeat all steps."""
+        """Run all steps: clock checks, taps and runs, with rests between."""
         self._watch.pulse.start()
         try:
             self._run_steps(plan)

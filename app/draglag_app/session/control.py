@@ -9,7 +9,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Place:
-    """Where to save; None: the same place, with room now."""
+    """Where to go on saving; without a folder, the same place, which has room now."""
 
     folder: Path | None = None
 
@@ -18,10 +18,10 @@ class Control:
     """Requests that the session polls. Thread-safe.
 
     Args:
-        auto: begin runs after the rest, without ``proceed()``.
-        asks: somebody calls ``name_place`` when asked.
-        spare: folder to use once instead of asking.
-        retries: queue runs that went wrong.
+        auto: begin each run after the rest, without ``proceed()``.
+        asks: somebody will call ``name_place`` when nothing can be saved.
+        spare: folder to go on in, once, without asking.
+        retries: queue runs that went wrong or gave no latency.
     """
 
     def __init__(self, auto: bool = True, asks: bool = False, spare: Path | None = None, retries: bool = False) -> None:
@@ -63,7 +63,7 @@ class Control:
                 self._queue.append(run_id)
 
     def unqueue(self, run_id: str) -> bool:
-        """Whether the run was queued; no longer."""
+        """Whether the run was queued; it no longer is."""
         with self._changed:
             there = run_id in self._queue
             self._queue = [queued for queued in self._queue if queued != run_id]
@@ -92,13 +92,13 @@ class Control:
             self._changed.notify_all()
 
     def no_place(self) -> None:
-        """Let a session that cannot save end."""
+        """No place will be named: a session that cannot save ends."""
         with self._changed:
             self._asks, self._spare = False, None
             self._changed.notify_all()
 
     def note(self, text: str) -> None:
-        """A note, stamped when taken."""
+        """Add a note; the session stamps it when it takes it."""
         with self._changed:
             self._notes.append(text)
             self._changed.notify_all()
@@ -119,7 +119,7 @@ class Control:
             return self._abort
 
     def take_abort(self) -> bool:
-        """Whether to abort; cleared, unless stopping."""
+        """Whether an abort was requested; clears it, unless the session is to stop."""
         with self._changed:
             asked, self._abort = self._abort, self._stop
             return asked
@@ -152,7 +152,7 @@ class Control:
             return self._asks or self._spare is not None
 
     def wait_for_place(self, stoppable: bool) -> Place | None:
-        """The named place; None if none will be, or (``stoppable``) when stopping."""
+        """The named place; None if none will be, or (``stoppable``) the session is to stop."""
         with self._changed:
             if self._spare is not None:
                 place, self._spare = Place(self._spare), None

@@ -22,7 +22,7 @@ _LONGEST = 200  # of a stem, bytes: file systems take 255 with the endings
 
 
 def check_name(name: str) -> str:
-    """A free field's name. Raises DataError."""
+    """The name, if valid for a free field. Raises DataError."""
     if not _NAME.match(name) or name in GIVEN:
         raise DataError(
             message("“{name}” cannot be the name of a field", name=name[:60]),
@@ -43,7 +43,7 @@ def parse_details(texts: Iterable[str]) -> dict[str, str]:
 
 
 def check_template(template: str, fields: Iterable[str] = ()) -> str:
-    """A file name's template. Raises DataError."""
+    """The template, if valid for file names. Raises DataError."""
     known = {*GIVEN, *STANDARD, *fields}
     try:
         parts = [part for part in string.Formatter().parse(template) if part[1] is not None]

@@ -1,4 +1,4 @@
-"""Samples of a run, and for plots."""
+"""Samples cut to a run, and reduced for live plots."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _Trace = TypeVar("_Trace", TouchTrace, LaserTrace)
 
 
 def within(trace: _Trace, from_s: float, to_s: float) -> _Trace:
-    """Samples from ``from_s`` to ``to_s``, and overlapping gaps."""
+    """Samples from ``from_s`` to ``to_s`` inclusive, and overlapping gaps."""
     keep = (trace.t_s >= from_s) & (trace.t_s <= to_s)
     gaps = trace.gaps_s
     if len(gaps):

@@ -12,10 +12,10 @@ from draglag.recording import DisplayTrace
 
 
 class Display(Protocol):
-    """Shows a target, in the session's thread."""
+    """Shows a target. Called from the session's thread."""
 
     def show(self, target: Target, start_s: float) -> None:
-        """Draw the target; it moves from ``start_s`` on."""
+        """Draw the target; it moves from ``start_s`` (session clock) on."""
         ...
 
     def prompt(self, text: str) -> None:
@@ -23,7 +23,7 @@ class Display(Protocol):
         ...
 
     def frames(self, until_s: float) -> DisplayTrace:
-        """Frames since the last call, up to ``until_s``."""
+        """Frames since the last call, up to ``until_s``; ``missed`` counts late ones."""
         ...
 
     def hide(self) -> None:
@@ -32,7 +32,7 @@ class Display(Protocol):
 
 
 class OffscreenDisplay:
-    """Computes frames without drawing."""
+    """Draws nothing; computes the frames of a screen."""
 
     def __init__(self, frame_hz: float = 60.0) -> None:
         self.frame_hz = frame_hz

@@ -27,7 +27,7 @@ class DeviceOpened:
 
 @dataclass(frozen=True)
 class StateChanged:
-    """``remaining_s``: to the target's start in "countdown", else its end."""
+    """A run's phase; ``remaining_s``: to the target's start in "countdown", else to its end."""
 
     run_id: str
     phase: Phase
@@ -38,14 +38,14 @@ class StateChanged:
 
 @dataclass(frozen=True)
 class Resting:
-    """A rest began; infinite where the operator ends it."""
+    """A rest began; ``remaining_s`` is infinite where the operator ends it."""
 
     remaining_s: float
 
 
 @dataclass(frozen=True)
 class RunQueued:
-    """A run will be recorded again after the planned ones.
+    """A run went wrong and will be recorded again after the planned ones.
 
     ``outcome``: also "unusable", for a whole one without a latency.
     """
@@ -87,7 +87,7 @@ class SamplesArrived:
         t_s, x_mm, y_mm: (n,) touch events; edge_s, light: (m,) edges.
         count: before decimation; rate_hz: 0 where unknown.
         age_s: of the newest sample when read, else 0.
-        lost: since the session began.
+        lost: samples lost since the session began.
         batch: the samples as read.
     """
 
@@ -151,7 +151,7 @@ class PlaceWanted:
 
 @dataclass(frozen=True)
 class SessionFinished:
-    """The file is closed; ``problem``: why it is not whole."""
+    """The file is closed; ``problem``: why it is not whole, else empty."""
 
     path: Path
     problem: str = ""

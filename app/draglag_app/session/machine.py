@@ -46,7 +46,7 @@ _SEVERITY = ("complete", "aborted", "device_lost", "failed")
 
 @dataclass(frozen=True)
 class RunState:
-    """Outcome once FINISHED: "complete", "aborted", "device_lost" or "failed"."""
+    """Phase and, once FINISHED, outcome: "complete", "aborted", "device_lost" or "failed"."""
 
     phase: Phase = Phase.IDLE
     ending: str | None = None

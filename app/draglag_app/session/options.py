@@ -13,7 +13,7 @@ COUNTDOWN_S = 3.0
 
 @dataclass(frozen=True)
 class SessionOptions:
-    """``seed`` None: the protocol's."""
+    """Options of a session; ``seed`` None: the protocol's."""
 
     screen: Screen
     stylus: Stylus = field(default_factory=lambda: Stylus(7.0))

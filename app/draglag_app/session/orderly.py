@@ -1,4 +1,4 @@
-"""One stamp that goes back would make every reader refuse the session."""
+"""Samples in order of time: one stamp that goes back would make every reader refuse the session."""
 
 from __future__ import annotations
 

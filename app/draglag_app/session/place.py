@@ -1,4 +1,4 @@
-"""Another place where nothing can be saved."""
+"""Asks for another place where nothing can be saved."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from draglag_app.session.saver import Saver
 
 
 def resume_elsewhere(saver: Saver, control: Control, emit: events.Listener) -> bool:
-    """Whether saving goes on."""
+    """Whether saving goes on, as a place was named."""
 
     def go_on(place: Path | None) -> None:
         saver.call(lambda: saver.resume(place))
@@ -23,7 +23,7 @@ def resume_elsewhere(saver: Saver, control: Control, emit: events.Listener) -> b
 
 
 def close(writer: SessionWriter, control: Control, emit: events.Listener) -> Path:
-    """The session file. Raises DataError: the journal remains."""
+    """The session file, elsewhere if necessary. Raises DataError: the journal remains."""
     try:
         return writer.close()
     except DataError as error:

@@ -32,7 +32,7 @@ class Lost:
 
 
 class OpenFaults(DeviceError):
-    """``faults``: one per source."""
+    """Sources that cannot be opened; ``faults``: one each."""
 
     def __init__(self, faults: tuple[DeviceError, ...]) -> None:
         self.faults = faults
@@ -44,7 +44,7 @@ class OpenFaults(DeviceError):
 
 
 def open_all(sources: tuple[Source, ...]) -> dict[str, SourceInfo]:
-    """Open all. Raises OpenFaults, with all closed."""
+    """Role → info of the opened sources. Raises OpenFaults, with all closed."""
     opened: list[Source] = []
     infos: dict[str, SourceInfo] = {}
     faults: list[DeviceError] = []
@@ -78,8 +78,8 @@ def as_device_error(source: Source, error: Exception) -> DeviceError:
 class ReaderThread(threading.Thread):
     """Reads one source into a bounded queue.
 
-    Where a real device's samples do not fit, they are counted, and sent as ``dropped``/``missed`` and a gap with the
-    next that do; other sources wait.
+    In simulation and replay a full queue blocks. What does not fit of a real device is counted, and sent as
+    ``dropped``/``missed`` and a gap with the next samples that do.
     """
 
     def __init__(self, source: Source, post: queue.Queue[object], stop: threading.Event) -> None:

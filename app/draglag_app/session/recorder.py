@@ -40,7 +40,7 @@ class Recorder:
             reader.start()
 
     def stop(self) -> None:
-        """Stop reading, save, close sources; not the file."""
+        """Stop reading, save what was read, close the sources; not the file."""
         self._stop_readers.set()
         for reader in self._readers:
             if reader.is_alive():

@@ -1,4 +1,4 @@
-"""The writer thread, the only one that touches the file. Events follow the saving of their data."""
+"""The writer thread, the only one that touches the file. Data are saved before events about them are emitted."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Saver:
         return min(self._taps["down"], self._taps["release"])
 
     def call(self, action: Callable[[], _T]) -> _T:
-        """The action's result, from the writer's thread. Raises what it raises."""
+        """The action's result, from the writer's thread after all that is queued. Raises what it raises."""
         result: Future[_T] = Future()
 
         def act() -> None:
@@ -90,11 +90,11 @@ class Saver:
         return result.result()
 
     def lagging_roles(self, t_s: float, roles: Iterable[str]) -> list[str]:
-        """Living sources not past ``t_s``."""
+        """Living sources that have not reported past ``t_s``."""
         return [role for role in roles if role not in self.lost and self._marks.get(role, np.inf) < t_s]
 
     def wait_past(self, t_s: float, roles: tuple[str, ...], timeout_s: float) -> list[str]:
-        """Living sources not past ``t_s`` in time; empty when saving has failed."""
+        """Living sources not saved past ``t_s`` in time; empty, at once, when saving has failed."""
         with self._progress:
             self._progress.wait_for(lambda: not self.lagging_roles(t_s, roles) or self.failure is not None, timeout_s)
             return [] if self.failure is not None else self.lagging_roles(t_s, roles)
@@ -107,14 +107,14 @@ class Saver:
     # --- actions: they run in the writer's thread, through ``call`` ------------------------------------------
 
     def begin_run(self, run: Run, to_s: float) -> None:
-        """Begin a run with samples up to ``to_s``. Raises DraglagError."""
+        """Save samples from ``run.start_s`` to ``to_s`` in a new run. Raises DraglagError."""
         if self.failure is not None:
             raise self.failure.with_traceback(None)
         self._run = OpenRun(run, to_s)
         self._keep(lambda: self._writer.begin_run(run))
 
     def resume(self, path: Path | None) -> None:
-        """Save again; None: where it was. Raises DraglagError."""
+        """Save again, as ``path`` (None: where it was). Raises DraglagError."""
         if path is not None:
             self._writer.move(path)
         self._keep(self._writer.flush)
@@ -127,7 +127,7 @@ class Saver:
             self._run.to_s = min(self._run.to_s, to_s)
 
     def so_far(self) -> Run | None:
-        """The open run as saved, with its planned duration."""
+        """The open run as saved, with its planned duration; None if saving has failed."""
         opened = self._run
         if opened is None or self.failure is not None:
             return None
@@ -156,7 +156,7 @@ class Saver:
             opened.display.append(trace)
 
     def log(self, entry: LogEntry) -> None:
-        """Add to the open run, or the session."""
+        """Add to the open run's log, or the session's notes."""
         opened = self._run
         self._keep(lambda: self._writer.append_log(entry, None if opened is None else opened.run.id))
         if opened is not None:

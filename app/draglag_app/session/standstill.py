@@ -1,4 +1,4 @@
-"""Detects a stopped process, suspend, overload."""
+"""Detects that the program stood still: stopped, suspended, overloaded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLEPT_S = 0.1
 
 @dataclass(frozen=True)
 class Standstill:
-    """When this program did not run (CLOCK_MONOTONIC); ``suspended_s``: asleep."""
+    """A time in which this program did not run (CLOCK_MONOTONIC); ``suspended_s``: asleep."""
 
     from_s: float
     to_s: float

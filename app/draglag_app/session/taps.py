@@ -21,7 +21,7 @@ _T = TypeVar("_T")
 
 @dataclass
 class TapPairer:
-    """A touch or release takes the last shock before it, each once, at most 200 ms apart.
+    """Pairs a touch or release with the last shock before it, each shock once, at most 200 ms apart.
 
     Rejected: "touch"/"release" without a shock, "shock" without a contact, "clock" (stamped far ahead), and sources'
     own.
@@ -32,7 +32,7 @@ class TapPairer:
     _rejected: Counter[str] = field(default_factory=Counter)
 
     def add(self, taps: Taps | None = None, changes: ContactChanges | None = None, until_s: float = np.inf) -> None:
-        """A source's report, complete up to ``until_s``."""
+        """Add a source's report, complete up to ``until_s``."""
         latest_s = until_s + AHEAD_S
         if taps is not None:
             self._rejected.update(taps.rejected)
@@ -49,7 +49,7 @@ class TapPairer:
         return kept
 
     def take(self, until_s: float) -> Taps:
-        """Pairs, both sources being past ``until_s``."""
+        """Pairs, once both sources have reported up to ``until_s``."""
         pairs: list[tuple[float, float, int]] = []
         rejected, self._rejected = self._rejected, Counter()
         while self._changes and self._changes[0][0] <= until_s:

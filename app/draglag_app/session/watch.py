@@ -31,7 +31,7 @@ _DISK_LOW = 200_000_000
 
 
 class Watch:
-    """Waits; ``roles``: of all sources."""
+    """Waits for the session's thread; ``roles``: of all sources."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class Watch:
         condition: Callable[[], bool] = lambda: False,
         abortable: bool = True,
     ) -> Signal | None:
-        """The signal that ended the wait early, else None."""
+        """The signal that ended the wait before ``until_s`` or ``condition()``, else None."""
         while True:
             if not abortable:
                 self._control.take_abort()  # keeps the request to stop altogether
@@ -102,7 +102,7 @@ class Watch:
         return None
 
     def drain(self, until_s: float, roles: tuple[str, ...]) -> Signal | None:
-        """Wait until data are saved."""
+        """Wait until data up to ``until_s`` are saved; a signal if they are not."""
         self._time.advance_to(until_s)
         patience_s = STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
         late = self._saver.wait_past(until_s, roles, patience_s)
@@ -113,7 +113,7 @@ class Watch:
         return Signal.DEVICE_LOST if any(role in self._saver.lost for role in roles) else None
 
     def check_standstill(self) -> None:
-        """Log a standstill; simulated time stands too."""
+        """Log a standstill, in real time alone."""
         for found in self.pulse.take():
             if self._time.realtime:
                 self.log("error", STANDSTILL, found.message())

@@ -19,7 +19,7 @@ CONTEXT = "Actions"
 
 @dataclass(frozen=True)
 class ActionSpec:
-    """``when``: "always", "idle" or "recording"."""
+    """An action; ``when``: "always", "idle" or "recording"."""
 
     id: str
     menu: str

@@ -25,7 +25,7 @@ from draglag_resources import resource
 
 
 def make_application(arguments: Sequence[str], settings: Settings | None = None) -> QApplication:
-    """The process's only application, by the settings."""
+    """The process's only application, in the settings' theme and language."""
     present = QCoreApplication.instance()
     application = cast(QApplication, present) if present is not None else QApplication(list(arguments))
     collect_in_this_thread(application)

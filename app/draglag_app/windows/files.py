@@ -1,4 +1,4 @@
-"""Session files of the window."""
+"""Opening, importing, exporting and salvaging sessions."""
 
 from __future__ import annotations
 

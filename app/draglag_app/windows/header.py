@@ -82,7 +82,7 @@ class Header(QFrame):
         self._tick()
 
     def set_light(self, role: str, state: str, tip: str) -> None:
-        """Show "off", "ready", "live", "warning" or "fault"."""
+        """Show a device's state: "off", "ready", "live", "warning" or "fault"."""
         self.lights[role].set_state(state)
         self.lights[role].setToolTip(plain(tip))
         self.lights[role].setAccessibleName(f"{source_name(role)}: {state}")

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 class Keyboard(QObject):
-    """Brings the operator's window forward."""
+    """Brings the operator's window forward where a key needs it."""
 
     def __init__(self, window: OperatorWindow) -> None:
         super().__init__(window)

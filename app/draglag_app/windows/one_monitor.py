@@ -58,7 +58,7 @@ class OneMonitor(QObject):
         self._window.activateWindow()
 
     def _to_participant(self) -> None:
-        """Raising a window does not bring it to the front on every desktop."""
+        """Hide and show: raising a window does not bring it to the front on every desktop."""
         if self._bar is None or self._bar.isHidden():
             return
         self._bar.hide()

@@ -24,7 +24,7 @@ _NAME_PX = 150
 
 
 class SessionDialog(QDialog):
-    """Saves to the settings; ``starts``: and begins a session."""
+    """Edits details in the settings; ``starts``: then begins a session."""
 
     def __init__(self, workspace: Workspace, parent: QWidget | None = None, starts: bool = False) -> None:
         super().__init__(parent)

@@ -34,7 +34,7 @@ class _Table(BaseModel):
 
 
 class RigSettings(_Table):
-    """Addresses; an empty one is not used."""
+    """Addresses of devices; an empty one is not used."""
 
     touch: str = ""
     laser: str = ""
@@ -64,7 +64,7 @@ class CalibrationSettings(_Table):
     resolution: tuple[int, ...] = ()  # of its axes, units per mm
 
     def serves(self, address: str) -> bool:
-        """Whether made at that address, without a calibration of its own."""
+        """Whether it was made at that address, and this names no calibration file."""
         where, _, options = address.partition("?")
         return where == self.address and "calibration=" not in options
 
@@ -73,13 +73,13 @@ class CalibrationSettings(_Table):
         return fit_touches(np.array(self.x_raw), np.array(self.y_raw), screen)
 
     def recorded(self, screen: Screen) -> TouchCalibration:
-        """For a session file. Raises EstimateError."""
+        """The calibration for a session file. Raises EstimateError."""
         x_raw, y_raw = np.array(self.x_raw), np.array(self.y_raw)
         return as_recorded(self.fit(screen), x_raw, y_raw, screen, self.device, self.made_utc)
 
 
 class PanelSettings(_Table):
-    """Missing sizes are the preset's."""
+    """The screen under test; missing sizes are the preset's."""
 
     preset: str = "screen-1"
     width_mm: Positive | None = None
@@ -112,7 +112,7 @@ class PanelSettings(_Table):
 
 
 class Settings(_Table):
-    """``first_start``: until the operator has chosen a rig."""
+    """All settings; ``first_start``: until the operator has chosen a rig."""
 
     first_start: bool = True
     theme: Literal["dark", "light", "system"] = "dark"
@@ -152,13 +152,13 @@ class Settings(_Table):
 
 
 def settings_path() -> Path:
-    """``DRAGLAG_SETTINGS``, or in the user's config folder."""
+    """The settings file: ``DRAGLAG_SETTINGS``, or in the user's config folder."""
     given = os.environ.get("DRAGLAG_SETTINGS")
     return Path(given) if given else user_config_path("draglag") / "settings.toml"
 
 
 def load_settings(path: Path) -> tuple[Settings, str]:
-    """Settings, and a sentence on what is wrong. Never raises.
+    """Settings, and a sentence on what is wrong, else empty. Never raises.
 
     Defaults replace invalid values; an invalid file is copied, as the next change overwrites it.
     """

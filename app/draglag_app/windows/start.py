@@ -100,7 +100,7 @@ def make_order(space: Workspace) -> Order:
 
 
 def session_path(settings: Settings, protocol: str, screen: str) -> Path:
-    """A new session's path. Raises DataError."""
+    """Where a session that begins now would be saved. Raises DataError."""
     folder, now = Path(settings.folder), datetime.now()
     details = dict.fromkeys(settings.fields, "") | settings.details()  # the template may name a field left empty
     return file_name(folder, settings.file_template, protocol, screen, details, now)

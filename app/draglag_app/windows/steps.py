@@ -28,7 +28,7 @@ def tr(text: str) -> str:
 
 @dataclass(frozen=True)
 class Step:
-    """``missing``: empty when done; ``blocks``: needed to record; ``next``: to do now."""
+    """One step; ``missing``: empty when done; ``blocks``: needed to record; ``next``: to do now."""
 
     page: str
     missing: str = ""
@@ -54,7 +54,7 @@ def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ..
 
 
 class StepGuide(QFrame):
-    """ "✓ Bench", "1 Bench: choose touchscreen". ``chosen``: the page."""
+    """A button per step: "✓ Bench", "1 Bench: choose touchscreen". ``chosen``: the page."""
 
     chosen = Signal(str)
 

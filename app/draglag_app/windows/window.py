@@ -355,6 +355,7 @@ class OperatorWindow(QMainWindow):
         self.navigation.set_narrow(self.width() < wide(_NARROW_PX))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
+        """Return presses a focused button; Qt leaves that to the space bar."""
         focus = self.focusWidget()
         if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and isinstance(focus, QPushButton):
             focus.click()

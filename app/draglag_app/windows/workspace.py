@@ -113,7 +113,7 @@ class Workspace(QObject):
         return self.session is not None and is_simulated(self.session.devices)
 
     def open(self, path: Path, done: Callable[[], object] | None = None) -> None:
-        """Read and analyse in a worker; ``done``: called once read."""
+        """Read a session file in a worker, then analyse it; ``done`` is called once read."""
 
         def take(got: tuple[Session, dict[str, str]]) -> None:
             self.take(got[0], path, got[1])
@@ -156,7 +156,7 @@ class Workspace(QObject):
         self._change_runs(self.tr("exclude {run}").format(run=run_id), before, after)
 
     def include(self, run_id: str) -> None:
-        """Take a run in again; undoable."""
+        """Use a run in the curve that was left out; undoable."""
         before = self.options
         left_out = {key: why for key, why in before.exclude.items() if key != run_id}
         after = replace(before, exclude=left_out, include=before.include | {run_id})

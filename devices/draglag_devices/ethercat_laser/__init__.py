@@ -1,4 +1,4 @@
-"""The laser sensor on an EtherCAT terminal EL1252. No imports: they would be in the privileged process."""
+"""The laser sensor on an EtherCAT terminal EL1252. No imports here: they would be in the privileged process."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def open_source(address: Address, role: str) -> Source:
 
 
 def discover(asked: Collection[str] = ()) -> list[Found]:
-    """Ethernet interfaces with EtherCAT devices; interfaces in use only if ``asked``."""
+    """As ``finding.find_buses``."""
     if sys.platform != "linux":
         return []
     from draglag_devices.ethercat_laser.finding import find_buses

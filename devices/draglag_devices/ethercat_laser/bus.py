@@ -44,7 +44,7 @@ class Cycle:
 
 
 class Bus:
-    """A bus in OP; to be closed, as pysoem keeps the socket otherwise. Its questions raise pysoem.WkcError."""
+    """A bus in OP; close it, as pysoem keeps the socket otherwise. Questions to the terminal raise pysoem.WkcError."""
 
     def __init__(self, interface: str, position: int = 0, progress: Callable[[], None] = lambda: None) -> None:
         """Set the bus up. Raises Refusal, with nothing left open.

@@ -20,7 +20,7 @@ _MODULE = "draglag_devices.ethercat_laser.master"
 
 
 def command(*arguments: str) -> list[str]:
-    """The command line, with the launcher where this process lacks rights."""
+    """The command line: this interpreter, or the launcher if it lacks rights."""
     if not has_rights():
         for launcher in LAUNCHERS:
             if os.access(launcher, os.X_OK):

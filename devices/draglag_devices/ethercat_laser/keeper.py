@@ -62,7 +62,7 @@ class Keeper:
 
     Args:
         life: runs the bus in the child, given the epoch's number.
-        first_epoch: above 0 after an earlier process: the bus is brought back, not refused.
+        first_epoch: above 0 where an earlier process ran the bus.
     """
 
     def __init__(self, interface: str, wire: Wire, life: Life, first_epoch: int = 0) -> None:

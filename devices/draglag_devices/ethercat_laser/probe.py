@@ -35,7 +35,7 @@ NOT_ALLOWED = message("was not allowed when the EtherCAT helper was installed")
 def scan_bus(
     asked: Collection[str] = (), send: bool = True, only: Collection[str] | None = None
 ) -> list[dict[str, Any]]:
-    """One entry per Ethernet interface, with ``kinds`` along the line and why it was ``left_alone``.
+    """One entry per Ethernet interface: name, up, carrier, rights, busy, slaves, kinds, left_alone (why not asked).
 
     Args:
         asked: interfaces to ask even though others use them.
@@ -129,7 +129,6 @@ class _Line:
         return 0, bytes(len(data))
 
     def eeprom(self, place: int, word: int) -> int:
-        """Two words, 0 where unavailable; the owner is restored."""
         back = -place & 0xFFFF
         owner, state = self._read(back, _EEPROM_OWNER, 1), self._read(back, _STATE, 1)
         if owner is None or state is None:

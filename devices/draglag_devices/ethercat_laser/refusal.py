@@ -1,4 +1,4 @@
-"""Few imports, as the privileged process stays small."""
+"""Refusals of the bus; few imports, as the privileged process stays small."""
 
 from __future__ import annotations
 

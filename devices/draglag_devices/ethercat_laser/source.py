@@ -35,7 +35,7 @@ _NS = 1e-9
 def ethercat_source(address: Address, role: str) -> EthercatLaser:
     """The source at ``ethercat:IFACE?channel=1|2&light=high|low&position=P``. Raises DeviceError.
 
-    ``light``: output in light. ``position``: the EL1252's, coupler 1.
+    ``light``: the sensor's output in light. ``position``: the EL1252's on the line, coupler 1.
     """
     address.only("channel", "light", "position")
     channel = int(address.choice("channel", ("1", "2"), "1"))
@@ -96,7 +96,7 @@ class EthercatLaser:
         return () if rest is None else (rest,)
 
     def synchronise(self) -> threading.Event:
-        """The next clock pair's event, four a second."""
+        """The event of the next clock pair, four a second."""
         done = threading.Event()
         self._asked.append((time.monotonic(), done))
         return done

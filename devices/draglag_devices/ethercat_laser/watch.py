@@ -108,8 +108,8 @@ class Epoch:
         """Host times between two cycles in which edges may have been overwritten.
 
         A latch keeps the last edge of its direction. If at most one has a new stamp, it was the only edge: another
-        would need one of the other direction between. If both have, any number of pairs may be missing before the
-        earlier stamp, none after it.
+        would need one of the other direction between. Else any number of pairs may be missing before the earlier stamp,
+        none after it.
         """
         start_ns = max(last.low_ns, self.clock.host_ns(last.dc_ns)[0])
         if now.dc_ns - last.dc_ns > UNWATCHED_NS:

@@ -50,7 +50,7 @@ class Wire:
         self.flush()
 
     def check(self, wait_s: float = 0.0) -> None:
-        """Wait for the reader's end at most ``wait_s``."""
+        """Raise ReaderGone if the reader closes its end within ``wait_s``."""
         self.wait(None, wait_s)
 
     def wait(self, source: int | None, wait_s: float) -> bool:

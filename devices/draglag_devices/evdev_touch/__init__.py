@@ -18,8 +18,8 @@ OPTIONS = ("width_mm", "height_mm", "calibration", "exclusive")
 def open_source(address: Address | str, role: str = "touch") -> EvdevTouch:
     """The touchscreen at ``evdev:PATH``, not yet open. Raises DeviceError.
 
-    Options: ``width_mm``, ``height_mm`` of the panel, ``calibration=FILE``, ``exclusive=1`` (no other program gets its
-    events).
+    Options: ``width_mm``, ``height_mm`` of the panel (default: by its resolution), ``calibration=FILE``,
+    ``exclusive=1`` (no other program gets its events).
     """
     parsed = parse_address(address) if isinstance(address, str) else address
     parsed.only(*OPTIONS)

@@ -50,7 +50,6 @@ def _text(path: Path) -> str:
 
 
 def _bits(path: Path) -> set[int]:
-    """Numbers of bits set in a sysfs bitmap: hex words, highest first."""
     bits: set[int] = set()
     try:
         words = [int(word, 16) for word in _text(path).split()]

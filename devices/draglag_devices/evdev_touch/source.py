@@ -84,12 +84,12 @@ class EvdevTouch:
         self._returns = 0
 
     def use_panel(self, width_mm: float, height_mm: float) -> None:
-        """As ``AcceptsPanel``; the address comes first."""
+        """As ``AcceptsPanel``; a size in the address has precedence."""
         given = self._panel_mm
         self._panel_mm = (given[0] or width_mm, given[1] or height_mm)
 
     def use_calibration(self, mapping: Mapping2D, device: str, rms_mm: float) -> None:
-        """As ``AcceptsCalibration``; the address comes first."""
+        """As ``AcceptsCalibration``; one in the address has precedence."""
         self._fitted = (mapping, device, rms_mm)
 
     def open(self) -> SourceInfo:
@@ -314,7 +314,7 @@ class EvdevTouch:
     # --- exclusive use ----------------------------------------------------------------------------------------
 
     def _grab_when_free(self, device: TouchDevice) -> None:
-        """Only while nothing is down: a program that saw a touch begin must see it end."""
+        """Take the device only while nothing is down: a program that saw a touch begin must see it end."""
         if not self._exclusive or self._grabbed or _is_down(device):
             return
         try:

@@ -21,7 +21,7 @@ class DeviceClock:
     resolution_s: float = 0.0
 
     def stamp(self, host_s: FloatArray) -> FloatArray:
-        """Device times at host times, (n,) → (n,)."""
+        """Device times, (n,)."""
         device = self.offset_s + (1 + self.drift) * host_s
         if self.resolution_s > 0:
             device = np.round(device / self.resolution_s) * self.resolution_s

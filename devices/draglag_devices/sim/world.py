@@ -35,10 +35,7 @@ class World:
 
     Seed and order of calls determine hand and instruments, whenever runs begin.
 
-    Attributes:
-        rig: screen, stylus, beam, law.
-        timelines: by role.
-        truth, true_taps: in exact host times.
+    ``truth``, ``true_taps``: runs and taps in exact host times.
     """
 
     def __init__(

@@ -13,7 +13,8 @@ _ATTEMPTS = 3
 
 
 def greet(link: Link, address: str, any_firmware: bool = False) -> str:
-    """The firmware's version, with autosending off and triggers reset. Raises DeviceError."""
+    """The firmware's version, with autosending off and triggers reset. Raises DeviceError, also for another version
+    than 6."""
     version = _version(link, address)
     if version != KNOWN_VERSION and not any_firmware:
         raise DeviceError(

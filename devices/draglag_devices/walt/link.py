@@ -25,7 +25,7 @@ class NoAnswer(Exception):
 
 @dataclass(frozen=True)
 class Answer(Generic[_T]):
-    """An answer, with host times around question and answer."""
+    """An answer; host times just before its question and just after its arrival."""
 
     value: _T
     sent_s: float
@@ -33,7 +33,7 @@ class Answer(Generic[_T]):
 
 
 class Link:
-    """One conversation; may raise PortGone. ``unread`` counts lines not understood."""
+    """One conversation; its methods may raise PortGone. ``unread`` counts lines not understood."""
 
     def __init__(
         self, port: Port, now: Callable[[], float] = time.monotonic, pause: Callable[[float], None] = time.sleep

@@ -302,7 +302,7 @@ class WaltSource:
         return self._ask_shock(device)
 
     def _collect_shocks(self, device: Connection) -> None:
-        """The WALT holds one shock until asked; a quick tap has two within a full comparison."""
+        """Keep the present shock: the WALT holds one until asked, and a quick tap has two within a full comparison."""
         if self.role == "walt":
             taps, _ = self._ask_shock(device)
             if taps is not None:

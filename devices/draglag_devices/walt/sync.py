@@ -101,7 +101,6 @@ def compare(
 
 
 def _digits_out(link: Link, unwrapped: Unwrapped, width_s: float) -> list[tuple[float, float]]:
-    """(device time, lower bound of E) of each digit."""
     pause_s = min(max(width_s / 10, _PAUSE_S[0]), _PAUSE_S[1])
     sent: dict[int, float] = {}
     for digit in DIGITS:
@@ -112,7 +111,6 @@ def _digits_out(link: Link, unwrapped: Unwrapped, width_s: float) -> list[tuple[
 
 
 def _digits_in(link: Link, unwrapped: Unwrapped) -> list[tuple[float, float]]:
-    """(device time, upper bound of E) of each digit."""
     link.send(SEND_DIGITS)
     arrived: dict[int, float] = {}
     try:

@@ -20,7 +20,7 @@ from draglag_app.windows.workspace import Workspace
 
 
 def make_pages(workspace: Workspace) -> dict[str, tuple[str, QWidget]]:
-    """Name → (title, page), in order."""
+    """Name → (title, page), in the order of the work."""
     pages: dict[str, tuple[str, QWidget]] = {
         "bench": (QT_TRANSLATE_NOOP("Actions", "Bench"), BenchPage(workspace)),
         "geometry": (QT_TRANSLATE_NOOP("Actions", "Geometry"), GeometryPage(workspace)),

@@ -79,6 +79,7 @@ class HelpPage(QWidget):
         self.restyle_plots()
 
     def focusInEvent(self, event: QFocusEvent) -> None:
+        """Focus the manual; with a focus proxy, Tab would skip what precedes it."""
         self.manual.setFocus(event.reason())
 
     def restyle_plots(self) -> None:
@@ -118,7 +119,7 @@ class HelpPage(QWidget):
                 bar.setValue(bar.value() + top - _ABOVE_PX)
 
     def look_for(self, text: str, again: bool) -> bool:
-        """Whether the text occurs; goes to the next place, round the end."""
+        """Whether the text occurs; goes to its next place, after the last to the first."""
         cursor = self.manual.textCursor()
         if not again:
             cursor.setPosition(cursor.selectionStart())

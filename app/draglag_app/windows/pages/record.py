@@ -45,7 +45,7 @@ MEND = {"bench": lambda: tr("Choose instruments"), "geometry": lambda: tr("Check
 
 
 class RecordPage(QWidget):
-    """Buttons emit ``asks(action id)``."""
+    """The page; its buttons emit ``asks(action id)``."""
 
     asks = Signal(str)
     noted = Signal()
@@ -149,7 +149,7 @@ class RecordPage(QWidget):
             self._outcome = (title, in_words(problem))
 
     def forget_outcome(self) -> None:
-        """Forget that."""
+        """Forget why the last session ended early."""
         self._outcome = None
 
     def show_readiness(self, missing: list[Obstacle], faults: list[str]) -> None:

@@ -16,7 +16,7 @@ def tr(text: str) -> str:
 
 
 class DockedPicture(QWidget):
-    """As large as fits; ``ratio``: height over width."""
+    """The picture, as large as fits; ``ratio``: height over width."""
 
     def __init__(self, picture: QWidget, ratio: float) -> None:
         super().__init__()

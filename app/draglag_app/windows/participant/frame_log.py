@@ -10,7 +10,7 @@ from draglag.recording import DisplayTrace
 
 
 class FrameLog:
-    """Written by the window, read by the session."""
+    """Frames drawn; written by the window, read by the session's thread."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

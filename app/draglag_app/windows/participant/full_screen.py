@@ -13,7 +13,7 @@ _MOST_TRIES = 5
 class FullScreen(QObject):
     """Fills a screen with a window.
 
-    X desktops drop a hidden window's state: it is requested again.
+    X desktops drop the state of a hidden window: full screen is then requested again.
     """
 
     def __init__(self, window: QWidget) -> None:

@@ -27,7 +27,7 @@ def turned(screen: Screen) -> Screen:
 
 
 def turned_panel(panel: PanelSettings) -> PanelSettings:
-    """The panel on its side; beam and calibration no longer hold. Raises DataError."""
+    """The panel on its side, without beam and calibration, which no longer hold. Raises DataError."""
     screen = turned(panel.screen())
     sizes = {key: getattr(screen, key) for key in ("width_mm", "height_mm", "width_px", "height_px")}
     gone = {"beam_slope": 0.0, "beam_intercept_mm": None, "calibration": None}

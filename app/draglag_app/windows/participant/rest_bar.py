@@ -18,7 +18,7 @@ def tr(text: str) -> str:
 
 
 class RestBar(QFrame):
-    """Hidden while a target is shown.
+    """State, note and buttons, hidden while a target is shown.
 
     ``noted(text)``: a note. ``pressed(action id)``: "proceed" or "go_record".
     """

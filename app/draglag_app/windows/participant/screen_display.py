@@ -23,7 +23,7 @@ from draglag_app.windows.participant.window import ParticipantWindow
 
 
 class ScreenDisplay(QObject):
-    """Called from the session's thread; the window's draws."""
+    """Called from the session's thread; the window draws in its own."""
 
     _show = Signal(object, float)
     _prompt = Signal(object)
@@ -52,7 +52,7 @@ class ScreenDisplay(QObject):
 
 
 class WatchedDisplay:
-    """Forwards, and reports what the participant reads."""
+    """Forwards to a display, and reports what the participant reads."""
 
     def __init__(self, display: Display, report: Callable[[Prompted], None]) -> None:
         self._display = display

@@ -66,7 +66,7 @@ def ask_new_folder(parent: QWidget, title: str, start: Path, then: Then) -> None
 
 
 def ask_save(parent: QWidget, title: str, start: str | Path, kind: str, then: Then) -> None:
-    """Ask for a file to write, ending as ``start`` by default."""
+    """Ask for a file to write, ending as ``start`` by default; replacing needs consent."""
     start = Path(start)
     folder = _last["folder"] or Path.home() if start.parent == Path() else start.parent
 

@@ -27,7 +27,7 @@ def pick_files(
 ) -> None:
     """Show a file dialog; ``then`` gets the choice, if any.
 
-    ``start``: folder, or for ``Mode.AnyFile`` a path; the caller asks about replacing.
+    ``start``: folder, or for ``Mode.AnyFile`` the proposed path; the caller asks about replacing.
     """
     window = parent.window()
     close_file_dialogs(window)

@@ -17,7 +17,7 @@ class Flow(ItemList):
         self._right_from: int | None = None
 
     def add_growing(self, widget: QWidget) -> None:
-        """Add a widget that takes the rest of its line."""
+        """Add a widget that takes the room left in its line."""
         self._growing.append(widget)
         self.addWidget(widget)
 

@@ -21,7 +21,7 @@ _MARGINS_PX = 24
 
 
 class ElidedLabel(QLabel):
-    """Never widens the window; ``text()`` is whole."""
+    """One line that never widens the window; ``text()`` is whole."""
 
     def __init__(self, name: str = "") -> None:
         super().__init__()

@@ -1,5 +1,7 @@
-"""Python collects in whichever thread creates an object; a widget finalised in another thread than Qt's ends the
-program."""
+"""Garbage collection in the windows' thread alone.
+
+Python collects in whichever thread creates an object; a widget finalised in another thread ends the program.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ _EVERY_MS = 500
 
 
 class Garbage(QObject):
-    """Collects in this thread, at most twice a second."""
+    """Collects by Python's thresholds, at most twice a second."""
 
     def __init__(self, application: QCoreApplication) -> None:
         super().__init__(application)

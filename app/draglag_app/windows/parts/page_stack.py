@@ -29,7 +29,7 @@ class PageStack(QStackedWidget):
         return self.minimumSizeHint()
 
     def heightForWidth(self, width: int) -> int:
-        """The visible page's least; Qt takes the tallest's preferred."""
+        """The least height of the visible page; Qt takes the preferred height of the tallest."""
         page = self.currentWidget()
         layout = None if page is None else page.layout()
         if layout is None or not layout.hasHeightForWidth():

@@ -22,7 +22,7 @@ class Cancelled(Exception):
 
 @dataclass(eq=False)
 class Task:
-    """No QObject: it must not be deleted while a worker uses it."""
+    """One piece of work. No QObject: it must not be deleted while a worker uses it."""
 
     label: str
     work: Callable[[Progress], Any]

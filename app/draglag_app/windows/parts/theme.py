@@ -65,7 +65,7 @@ def wide(size_px: int) -> int:
 
 
 def points(size: float) -> str:
-    """As "10pt", by the chosen text size."""
+    """A text size as "10pt", by the chosen text size."""
     return f"{_scale * size:g}pt"
 
 

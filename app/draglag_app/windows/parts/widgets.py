@@ -177,7 +177,7 @@ def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, si
 
 
 class FirstRow(QObject):
-    """Without a selection, an arrow key selects the current row; Qt goes on."""
+    """Without a selection, an arrow key selects the current row; Qt goes on to the next."""
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         made = self.parent()
@@ -222,7 +222,7 @@ class Scrolled(QScrollArea):
 
 
 class Shallow(QScrollArea):
-    """As high as its text, up to ``most_px``, then scrolled."""
+    """A label as high as its text, up to ``most_px``, then scrolled."""
 
     def __init__(self, inside: QLabel, most_px: int) -> None:
         super().__init__()

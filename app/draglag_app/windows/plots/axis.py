@@ -17,7 +17,7 @@ _EDGE_PX = 2
 
 
 class Axis(pg.AxisItem):
-    """Pyqtgraph would cut a long title off."""
+    """An axis with a fitting title; pyqtgraph would cut a long one off."""
 
     def write(self, title: str, room_px: float) -> None:
         """Write the title as large as fits, else its unit."""

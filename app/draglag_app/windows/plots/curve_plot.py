@@ -45,7 +45,8 @@ class CurvePlot(Plot):
         clicked: Callable[[str], None] | None = None,
         residuals: bool = False,
     ) -> None:
-        """Draw again. ``clicked`` gets a run's id. ``residuals``: latency minus curve, as intervals are small."""
+        """Draw again. ``clicked`` gets a run's id. ``residuals``: latency minus curve, where intervals are wide enough
+        to see."""
         self.clear_all()
         colours, out = theme(), set(excluded)
         good = [e for e in estimates if e.latency_s is not None and e.speed_mm_s is not None]
@@ -106,7 +107,7 @@ class CurvePlot(Plot):
         )
 
     def draw_curve(self, name: str, curve: CurveFit, colour: str, band: str = "") -> None:
-        """Draw a curve and its 95 % band, named ``band``."""
+        """Draw a curve and its 95 % band; ``band``: name in the legend."""
         speed = speeds_of(curve)
         low_ms, high_ms = (self._less_base_ms(speed, edge_s) for edge_s in curve.band_s(speed))
         self.band(name + " 95 %", speed, low_ms, high_ms, colour, band)

@@ -23,7 +23,7 @@ _BROAD_PX = 10
 
 
 class Plot(PlotFrame):
-    """Items are drawn under a name, which replaces, and exported."""
+    """A plot of named items: drawing again replaces, and "Save numbers" exports them."""
 
     def __init__(self, title: str, x: str, y: str, file_name: str = "plot", parent: QWidget | None = None) -> None:
         self._hover: dict[str, Series] = {}

@@ -81,6 +81,7 @@ class PlotFrame(pg.PlotWidget):
         self._show_emptiness()
 
     def sizeHint(self) -> QSize:
+        """The minimum: a graphics view would ask for much."""
         return QSize(self.minimumSize())
 
     def focusInEvent(self, event: QFocusEvent) -> None:
@@ -114,7 +115,7 @@ class PlotFrame(pg.PlotWidget):
         self._show_emptiness()
 
     def name_above(self, title: str, marks: Iterable[tuple[str, str, str]], apart: str = _APART) -> None:
-        """Set a title and legend, (sign, colour, words) each; HTML."""
+        """Set a title that includes the legend, (sign, colour, words) each; HTML."""
         words = _APART.join(f"<span style='color:{colour}'>{sign}</span> {text}" for sign, colour, text in marks)
         self.title_lines(f"{title}{apart}{words}".split("<br>"))
 
@@ -159,7 +160,7 @@ class PlotFrame(pg.PlotWidget):
             plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
 
     def keep_axes_drawn(self) -> None:
-        """Cache axes and grid: they cost as much as all the rest."""
+        """Cache axes and grid, which cost as much as all the rest, for plots redrawn several times a second."""
         for side in ("bottom", "left"):
             self.getPlotItem().getAxis(side).setCacheMode(QGraphicsItem.CacheMode.DeviceCoordinateCache)
 

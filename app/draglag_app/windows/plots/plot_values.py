@@ -144,7 +144,7 @@ def signed(image: QImage, source: str) -> QImage:
 
 
 def signed_svg(svg: bytes, source: str) -> bytes:
-    """With its source below; unchanged if of unknown size."""
+    """The drawing with its source below; unchanged if of unknown size."""
     text = svg.decode()
     box = re.search(r'viewBox\s*="([-\d.]+) ([-\d.]+) ([\d.]+) ([\d.]+)"', text)
     if box is None:

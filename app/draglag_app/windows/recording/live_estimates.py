@@ -22,7 +22,7 @@ class LiveEstimates(QObject):
     """Estimates each run after its end, and again once saved.
 
     Attributes:
-        known: in order of recording.
+        known: one estimate per run, in order of recording.
         preliminary: ids of runs not whole yet.
         curve: through whole runs; None while too few.
     """

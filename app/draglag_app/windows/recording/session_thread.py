@@ -29,7 +29,7 @@ from draglag_devices.rig import Rig
 
 @dataclass(frozen=True)
 class Order:
-    """``display``: "window", "offscreen" or "screen N"."""
+    """What to record; ``display``: "window", "offscreen" or "screen N"."""
 
     protocol: Protocol
     rig: Rig
@@ -123,7 +123,7 @@ class Recording(QObject):
         return planned_after_s(order.protocol, plan, order.options.countdown_s)
 
     def stop_and_wait(self) -> None:
-        """End the session; its file is closed then."""
+        """End the session, and wait until its file is closed."""
         if self.control is not None:
             self.control.no_place()
             self.control.stop()

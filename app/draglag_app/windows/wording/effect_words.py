@@ -87,7 +87,7 @@ def size_words(parameter: str, value: float, interval: tuple[float, float] | Non
 
 
 def main_size(parameters: Mapping[str, Any]) -> tuple[str, str]:
-    """Of a step's first parameter: "24.9 ppm", "23.7 to 26.2"; or empty."""
+    """Size and interval of a step's first parameter: "24.9 ppm", "23.7 to 26.2"; or empty."""
     for parameter, given in parameters.items():
         _, unit, factor = _shown_as(parameter)
         low, high = given["ci95"]

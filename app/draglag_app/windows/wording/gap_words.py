@@ -33,7 +33,7 @@ _FOLLOWS = {
 
 
 def followed(covariate: str) -> str:
-    """A covariate or an effect."""
+    """What a gap follows: a covariate or an effect."""
     return QCoreApplication.translate("Gap", _FOLLOWS[covariate]) if covariate in _FOLLOWS else effect_name(covariate)
 
 
@@ -55,7 +55,7 @@ def headline(report: dict[str, Any]) -> str:
 
 
 def law_words(report: dict[str, Any]) -> str:
-    """By how much the curve is not Eq. 5."""
+    """That the curve is not Eq. 5, and by how much."""
     law = report.get("law") or {"adequate": True}
     if law["adequate"]:
         return ""
@@ -77,7 +77,7 @@ def noise_words(report: dict[str, Any]) -> str:
 
 
 def set_words(names: Sequence[str]) -> str:
-    """ "clock drift and beam bow", "no effect", or "something without a name"."""
+    """A set of effects: "clock drift and beam bow", "no effect", or "something without a name"."""
     if tuple(names) == UNEXPLAINED:
         return _say(_NAMELESS)
     if not names:
@@ -87,7 +87,7 @@ def set_words(names: Sequence[str]) -> str:
 
 
 def compared_words(report: dict[str, Any]) -> str:
-    """Explanations with 95 % of the probability, a line each."""
+    """Explanations that share 95 % of the probability, a line each."""
     return "\n".join(f"{stated(p)}  {set_words(names)}" for names, p in _explanations(report))
 
 
@@ -187,7 +187,7 @@ def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
 
 
 def names_words(step: dict[str, Any]) -> str:
-    """ "clock drift or thermal drift", where indistinguishable."""
+    """A step's effect and those indistinguishable from it: "clock drift or thermal drift"."""
     names = [effect_name(step["effect"]), *map(effect_name, step.get("indistinguishable_from") or ())]
     return reduce(lambda one, other: _say(_OR).format(one=one, other=other), names)
 

@@ -101,7 +101,7 @@ def per_second(rate_hz: float) -> str:
 
 
 def duration_ms(value_s: float) -> str:
-    """In ms, from a second on in s."""
+    """A short time in ms, from a second on in s."""
     return f"{1e3 * max(0.0, value_s):.0f} ms" if value_s < 1.0 else f"{value_s:.1f} s"
 
 
@@ -168,7 +168,7 @@ def size(n_bytes: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """ "m:ss", from an hour on "h:mm:ss"."""
+    """A time as "m:ss", from an hour on "h:mm:ss"."""
     whole = max(0, round(seconds))
     if whole >= 3600:
         return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"

@@ -23,7 +23,7 @@ def tr(text: str) -> str:
 
 
 class LiveFacts(Panel):
-    """``noted``: a note was written, or none."""
+    """Numbers and a note field; ``noted``: a note was written, or none."""
 
     noted = Signal()
 

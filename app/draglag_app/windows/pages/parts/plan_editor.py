@@ -16,7 +16,7 @@ _USUAL_S = {"chirp": 80.0, "multisine": 45.0}
 
 
 class PlanEditor(Panel):
-    """``changed(plan)``: emitted for valid numbers."""
+    """Fields of one table; ``changed(plan)`` is emitted for valid numbers."""
 
     changed = Signal(object)
 

@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 
 class Cell(QTableWidgetItem):
-    """Sorted by its leading number, else by text."""
+    """A cell sorted by the number its text begins with, else by text."""
 
     def __init__(self, text: str, key: str) -> None:
         super().__init__(text)

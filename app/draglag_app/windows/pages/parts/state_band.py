@@ -25,7 +25,7 @@ def tr(text: str) -> str:
 
 
 class StateBand(Panel):
-    """Buttons emit ``pressed(action id)``."""
+    """Two lines, and buttons that emit ``pressed(action id)``."""
 
     pressed = Signal(str)
     said = Signal(str, str)
