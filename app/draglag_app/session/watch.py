@@ -102,7 +102,7 @@ class Watch:
         return None
 
     def drain(self, until_s: float, roles: tuple[str, ...]) -> Signal | None:
-        """Wait until data up to ``until_s`` are saved; a signal if they are not."""
+        """Wait for data up to ``until_s``; a signal where a device is lost or saving failed."""
         self._time.advance_to(until_s)
         patience_s = STUCK_S if not self._time.realtime else max(0.0, until_s - self._time.now()) + _DRAIN_S
         late = self._saver.wait_past(until_s, roles, patience_s)

@@ -14,7 +14,7 @@ from draglag_app.session import events
 
 @dataclass(frozen=True)
 class Prompted:
-    """What the participant reads; ``kind`` of target."""
+    """What the participant reads, and the target's ``kind``, if any."""
 
     text: str
     kind: str = ""

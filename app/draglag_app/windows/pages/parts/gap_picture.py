@@ -52,7 +52,7 @@ _LETTERS = 14
 
 
 class GapPicture(QWidget):
-    """A plot, and what it shows."""
+    """A plot, and the choice of what it shows."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -85,7 +85,7 @@ _PROBABLE = 0.5
 
 @dataclass(frozen=True)
 class Bar:
-    """The gap after a step to the gap before."""
+    """A bar, from the gap after a step to the gap before."""
 
     name: str
     kind: str  # "first", "step", "provisional" or "floor"
