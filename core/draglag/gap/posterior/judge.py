@@ -22,7 +22,6 @@ from draglag.simulation.effects import EFFECTS, effect_class
 DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
 PROPOSED = 3  # effects that are then refitted
 PROMISING = 5.0  # nats that one of those gains alone
-HOPELESS = 0.3  # of the best gain by columns: a refit gains up to 2.6 times what columns promise
 Progress = Callable[[float, str], None]
 
 
@@ -177,7 +176,7 @@ def _gains(pool: Pool, allowed: Collection[str]) -> dict[str, float]:
 def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]:
     """Promising effects whose columns change with size, and those that traces show."""
     gains = _gains(pool, allowed)
-    least = max(PROMISING, HOPELESS * max(gains.values(), default=0.0))
+    least = max(PROMISING, constants.HOPELESS * max(gains.values(), default=0.0))
     changing = [name for name, gain in gains.items() if gain > least and refit_module(name) is not None]
     return (*changing, *(name for name in gains if name not in changing and shown_by_traces(first, name)))
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from draglag.gap.fitting.joint import Fit
+from draglag.gap.constants import HOPELESS, P_EFFECT
+from draglag.gap.fitting.joint import Fit, log_likelihood_on
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
@@ -14,6 +15,7 @@ from draglag.simulation.effects.smoothing_shrink.sharpening import Setting
 
 SETTLED = 0.03  # of a time constant: what is left of it at its setting is known to first order
 ROUNDS = 4
+LEAST_NATS = -HOPELESS * np.log(P_EFFECT)  # of log-likelihood: with less, no form of it can pay for its name
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
@@ -23,6 +25,9 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     if mean is None:
         return []
     out: list[Fit | None] = [mean]
+    both = mean.use & before.use
+    if log_likelihood_on(mean, both) - log_likelihood_on(before, both) < LEAST_NATS:
+        return out
     for even in (False, True):
         found = mean
         for _ in range(ROUNDS):
