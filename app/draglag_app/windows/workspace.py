@@ -131,7 +131,7 @@ class Workspace(QObject):
         """Open and analyse a session; ``comments``: by run."""
         self.session, self.path, self.analysis = session, path, None
         self.comments = dict(comments or {})
-        self.options = replace(self.options, exclude={})
+        self.options = replace(self.options, exclude={}, include=frozenset())  # runs of the session before
         self.undo.clear()
         self.session_changed.emit()
         self.analyse()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 
 from draglag.gap import close_gap
 from draglag.shown import matched
-from draglag.store import read_analyses
+from draglag.store import read_analyses, read_session, write_session
 from draglag_app.windows import exports
 from draglag_app.windows.pages import gap
 from draglag_app.windows.parts.recent_menu import MOST, remembered
@@ -129,6 +130,24 @@ def test_runs_are_sorted_filtered_and_commented(opened: OperatorWindow, until: C
     assert space.comments == {}
     opened.open_file(space.path)
     until(lambda: space.comments == {run: "stylus slipped"} and not space.tasks.running)
+
+
+def test_a_run_included_by_hand_is_judged_again_in_another_session(
+    opened: OperatorWindow, session_file: Path, tmp_path: Path, until: Callable
+) -> None:
+    session, space = read_session(session_file), opened.space
+    run = session.runs[0].id
+    aborted = replace(session, runs=(replace(session.runs[0], outcome="aborted"), *session.runs[1:]))
+    first, second = (write_session(aborted, tmp_path / name) for name in ("first.h5", "second.h5"))
+    opened.open_file(first)
+    until(lambda: space.path == first and idle(opened)())
+    assert space.analysis.excluded == {run: "aborted"}
+    space.include(run)
+    until(idle(opened))
+    assert space.analysis.excluded == {}
+    opened.open_file(second)
+    until(lambda: space.path == second and idle(opened)())
+    assert space.analysis.excluded == {run: "aborted"}
 
 
 def test_the_session_leaves_in_every_form(opened: OperatorWindow, until: Callable, tmp_path: Path, monkeypatch) -> None:
