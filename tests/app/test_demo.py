@@ -10,6 +10,7 @@ from draglag.gap import close_gap
 from draglag.simulation import rig_for_screen
 from draglag.store import read_analyses, read_session
 from draglag_app.cli.demo import demo
+from draglag_app.cli.main import cli
 from draglag_app.cli.record import record
 
 needs_report = pytest.mark.skipif(not hasattr(draglag.report, "write_report"), reason="no report in this version")
@@ -48,6 +49,13 @@ def test_the_demo_finds_the_simulated_law(made):
     for name, median_s in (("touch", rig.tap_touch_s), ("release", rig.tap_release_s)):
         assert analysis["taps"][name]["n"] == 100
         assert analysis["taps"][name]["median_ms"] == pytest.approx(1e3 * median_s, abs=4 * 0.31)
+
+
+@needs_report
+def test_the_demo_keeps_its_analysis_as_analyze_does(made):
+    path = made[0] / "session.h5"
+    assert CliRunner().invoke(cli, ["analyze", str(path), "--save"]).exit_code == 0
+    assert len(read_analyses(path)) == 1  # an equal one is stored once
 
 
 def test_nothing_is_missing_from_the_model_of_the_demo(made):

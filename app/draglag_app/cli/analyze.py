@@ -20,7 +20,7 @@ from draglag.messages import message
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag.system.packages import need
-from draglag_app.cli.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing, options_kept
+from draglag_app.cli.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing
 from draglag_app.cli.common import (
     FiniteRange,
     checksum,
@@ -166,7 +166,7 @@ def analyze(
     if correction is not None:
         result |= {"model": str(model_path), **correction.to_dict()}
     if save is not False:
-        keep_result(session, result, options_kept(options, str(model_path or "")), must=bool(save))
+        keep_result(session, result, options.kept(str(model_path or "")), must=bool(save))
     _write(session, data, analysis, save_model, report)
     if as_json:
         print_json(result)

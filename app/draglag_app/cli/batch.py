@@ -52,20 +52,6 @@ class Outcome:
     problem: str = ""
 
 
-def options_kept(options: AnalysisOptions, model: str = "") -> dict[str, Any]:
-    """Options as stored with a result; ``model``: file of the correction."""
-    return {
-        "estimator": options.estimator,
-        "update_rate_hz": options.update_rate_hz,
-        "form": options.form,
-        "tie_asymptote": options.tie_asymptote,
-        "window_s": list(options.window_s),
-        "exclude": dict(options.exclude),
-        "include": sorted(options.include),
-        "model": model,
-    }
-
-
 @dataclass(frozen=True)
 class Analysing:
     """``draglag analyze`` on one path."""
@@ -83,7 +69,7 @@ class Analysing:
         analysis = analyze(session, self.options)
         result = analysis.to_dict()
         if self.save is not False:
-            keep_result(path, result, options_kept(self.options), must=bool(self.save))
+            keep_result(path, result, self.options.kept(), must=bool(self.save))
         row = _about(path, session) | _analysis_row(analysis)
         if not row["n_latencies"]:
             row["problem"] = "no run gave a latency"

@@ -59,12 +59,7 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
     session = read_session(path)
     options = AnalysisOptions()
     analysis = analyze(session, options)
-    add_analysis(
-        path,
-        analysis.to_dict(),
-        {"estimator": options.estimator, "update_rate_hz": options.update_rate_hz, "form": options.form},
-        datetime.now(UTC).isoformat(timespec="seconds"),
-    )
+    add_analysis(path, analysis.to_dict(), options.kept(), datetime.now(UTC).isoformat(timespec="seconds"))
     report = write_report(session, analysis, out)
     click.echo("\n".join(summary(session, analysis)))
     click.echo("\n" + "\n".join(f"{what:<9}{where}" for what, where in [("session", path), ("report", report)]))

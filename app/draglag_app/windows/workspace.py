@@ -186,11 +186,7 @@ class Workspace(QObject):
         path, analysis = self.path, self.analysis
         if path is None or analysis is None:
             return
-        options = {
-            "estimator": analysis.options.estimator,
-            "update_rate_hz": analysis.options.update_rate_hz,
-            "form": analysis.options.form,
-        } | ({"comments": dict(self.comments)} if self.comments else {})
+        options = analysis.options.kept() | ({"comments": dict(self.comments)} if self.comments else {})
         made = datetime.now(UTC).isoformat(timespec="seconds")
 
         def work(progress: Progress) -> int:

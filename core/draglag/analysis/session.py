@@ -51,6 +51,19 @@ class AnalysisOptions:
     exclude: Mapping[str, str] = field(default_factory=dict)
     include: frozenset[str] = frozenset()
 
+    def kept(self, model: str = "") -> dict[str, Any]:
+        """JSON as stored with a result; ``model``: file of the correction."""
+        return {
+            "estimator": self.estimator,
+            "update_rate_hz": self.update_rate_hz,
+            "form": self.form,
+            "tie_asymptote": self.tie_asymptote,
+            "window_s": list(self.window_s),
+            "exclude": dict(self.exclude),
+            "include": sorted(self.include),
+            "model": model,
+        }
+
 
 @dataclass(frozen=True)
 class Analysis:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication, QWidget
@@ -16,6 +17,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 from draglag.gap import close_gap
 from draglag.shown import matched
 from draglag.store import read_analyses, read_session, write_session
+from draglag_app.cli.main import cli
 from draglag_app.windows import exports
 from draglag_app.windows.pages import gap
 from draglag_app.windows.parts.recent_menu import MOST, remembered
@@ -148,6 +150,22 @@ def test_a_run_included_by_hand_is_judged_again_in_another_session(
     opened.open_file(second)
     until(lambda: space.path == second and idle(opened)())
     assert space.analysis.excluded == {run: "aborted"}
+
+
+def test_kept_results_say_which_runs_were_chosen_by_hand(opened: OperatorWindow, until: Callable) -> None:
+    space = opened.space
+    left_out, taken_in = (run.id for run in space.analysis.runs[:2])
+    space.exclude(left_out, "stylus slipped")
+    space.include(taken_in)
+    until(idle(opened))
+    space.keep_analysis()
+    until(idle(opened))
+    (kept,) = read_analyses(space.path)
+    assert kept.options["exclude"] == {left_out: "stylus slipped"}
+    assert kept.options["include"] == [taken_in]
+    chosen = ["--exclude", f"{left_out}=stylus slipped", "--include", taken_in]
+    assert CliRunner().invoke(cli, ["analyze", str(space.path), *chosen]).exit_code == 0
+    assert len(read_analyses(space.path)) == 1  # the same analysis with the same options, stored already
 
 
 def test_the_session_leaves_in_every_form(opened: OperatorWindow, until: Callable, tmp_path: Path, monkeypatch) -> None:
