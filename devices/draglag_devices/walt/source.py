@@ -21,7 +21,7 @@ from draglag_devices.walt.connection import Connection
 from draglag_devices.walt.edges import counted_so_far
 from draglag_devices.walt.link import Answer, Link, NoAnswer
 from draglag_devices.walt.port import Port, PortGone, SerialPort, port_of, usb_identity
-from draglag_devices.walt.protocol import LASER_ON, RESET, SHOCK, Unwrapped, parse_shock
+from draglag_devices.walt.protocol import LASER_OFF, LASER_ON, RESET, SHOCK, Unwrapped, parse_shock
 from draglag_devices.walt.sync import Bound, as_bounds, compare, request_time, zero
 
 # Quick comparison of clocks; it also keeps the 32-bit count unwrapped and notices a device that hangs.
@@ -126,7 +126,7 @@ class WaltSource:
             return
         try:
             if self.role == "laser":
-                device.link.send("l")
+                device.link.send(LASER_OFF)
         except PortGone:
             pass  # it is gone already
         device.link.close()
