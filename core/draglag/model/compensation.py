@@ -93,7 +93,7 @@ def compensate(
     if not t_s.shape == x_mm.shape == y_mm.shape or t_s.ndim != 1:
         raise DataError("times and positions differ in number", "Give one t, x and y for each event")
     touch = usable(TouchTrace(t_s, x_mm, y_mm))
-    if touch.t_s.size < 8:
+    if touch.t_s.size < FEWEST_EVENTS:
         raise DataError(
             message("{n} usable touch events are too few", n=touch.t_s.size), "Give at least eight with finite t, x, y"
         )
