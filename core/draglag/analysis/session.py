@@ -312,8 +312,9 @@ def _validate(
         return [], [message("{run}: not validated, there is no curve", run=run.id) for run in varying]
     out: list[Validation] = []
     problems: list[str] = []
-    for run in varying:
-        on_progress(1 - len(varying) / max(len(session.runs), 1), run.id)
+    before = len(session.runs) - len(varying)
+    for k, run in enumerate(varying, before):
+        on_progress(k / len(session.runs), run.id)
         try:
             ready = prepare(_with_hindsight(run, session), session.stylus.diameter_mm, options.update_rate_hz)
             out.append(validate_run(ready, curve.predict_s, curve.speed_range_mm_s))

@@ -75,6 +75,15 @@ def test_a_session_is_analysed_against_its_truth(measured: tuple[object, ...]) -
     assert all(row["delta_J_percent"] > 90 for row in result["validation_mean"])
 
 
+def test_progress_advances_with_every_run(measured: tuple[object, ...]) -> None:
+    session, shown = measured[0], []
+    analyze(session, progress=lambda fraction, text: shown.append((fraction, text)))  # type: ignore[arg-type]
+    fractions, texts = zip(*shown, strict=True)
+    assert set(texts) == {run.id for run in session.runs} | {"done"}  # type: ignore[attr-defined]
+    assert np.all(np.diff(fractions) > 0)
+    assert (fractions[0], fractions[-1]) == (0.0, 1.0)
+
+
 def test_width_and_clock(measured: tuple[object, ...]) -> None:
     session, _, found = measured
     width = width_check(found.runs, 7.0)  # type: ignore[attr-defined]
