@@ -90,7 +90,7 @@ def test_effects_that_cannot_be_distinguished_come_with_the_run_that_would():
     made = replace(report("explained"), steps=(either,), explanations=sets)
     said = headline(made)
     assert said.startswith("Clock drift or thermal drift 24.9 ppm (23.7 to 26.2; probability 0.97) explains the gap")
-    assert said.endswith("To tell clock drift from thermal drift: taps before and after the runs.")
+    assert said.endswith("To separate clock drift from thermal drift: taps before and after the runs.")
     assert also_in_words(made) == ""  # it is said already
     assert "to separate them: taps before and after the runs" in _table(made)
 

@@ -50,7 +50,7 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
             message("no circle run shows where the stylus was: its touch positions are missing or not numbers")
         )
     elif travel and max(travel) < 5.0:
-        missing.append(message("the circles hardly travel sideways: slope and latency cannot be told apart"))
+        missing.append(message("the circles hardly travel sideways: slope and latency cannot be distinguished"))
     elif apart and len(shown) - len(apart) < 5:
         missing.append(
             message(

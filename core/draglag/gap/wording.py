@@ -106,7 +106,7 @@ def _to_separate(report: GapReport) -> list[str]:
         run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
         if step.indistinguishable_from and run:
             others = " or ".join(map(title_of, step.indistinguishable_from))
-            out.append(f"To tell {title_of(step.effect)} from {others}: {run}.")
+            out.append(f"To separate {title_of(step.effect)} from {others}: {run}.")
     return out
 
 
@@ -190,7 +190,7 @@ def drift_in_analysis(session: Session, report: GapReport) -> str:
     ppm = drift_of_stamps_ppm(session)
     if ppm is None:
         return message(
-            "draglag analyze says nothing of this drift: the session holds no comparison of the laser's clock with "
+            "draglag analyze cannot show this drift: the session holds no comparison of the laser's clock with "
             "the host's."
         )
     _, (low, high) = next(iter(step.parameters.values()))

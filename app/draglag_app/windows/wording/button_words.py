@@ -41,8 +41,7 @@ IN_BUTTONS = {
         ),
     ),
     (
-        "draglag analyze says nothing of this drift: the session holds no comparison of the laser's"
-        " clock with the host's."
+        "draglag analyze cannot show this drift: the session holds no comparison of the laser's clock with the host's."
     ): QT_TRANSLATE_NOOP(
         "Library",
         (
