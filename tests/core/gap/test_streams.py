@@ -311,6 +311,17 @@ def test_two_frames_on_each_tick_of_an_exact_clock_are_no_batch(sound: Session) 
     assert seen.value == pytest.approx(quantum_s, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    "effects", [("frame_drop=0.15", "loss_of_contact=20", "laser_bounce=0.3"), ("poll_grid=0.008",)]
+)
+def test_values_and_intervals_print_as_plain_numbers(effects: tuple[str, ...]) -> None:
+    session = simulate_session("screen-1", load_protocol("demo"), effects=parse_effects(effects), seed=4)
+    found, _ = inspect(session)
+    assert {one.effect for one in found} == {text.partition("=")[0] for text in effects}
+    for one in found:
+        assert "float64" not in repr(one.parameters)  # of NumPy, whose values name their type
+
+
 def test_fills_are_seen_in_positions_of_uneven_age_and_only_where_they_are() -> None:
     def seen(*effects: str) -> dict[str, float]:
         session = simulate_session("screen-1", load_protocol("demo"), effects=parse_effects(effects), seed=5)

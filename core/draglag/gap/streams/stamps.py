@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -41,7 +42,7 @@ class StreamEffect:
 def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]:
     """95 % interval of k / n. together: simultaneous events."""
     p = k / n
-    reach = 1.96 * np.sqrt(max(p * (1 - p), 1 / n) * together / n)
+    reach = 1.96 * math.sqrt(max(p * (1 - p), 1 / n) * together / n)
     return max(p - reach, 0.0), min(p + reach, 1.0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -73,7 +74,7 @@ def filled_losses(
         return None, runs
     touching_s = max(total_s - sum(length_s), 1.0)  # contact is lost while there is contact
     per_min = 60 * count / touching_s
-    reach = 1.96 * np.sqrt(count) * 60 / touching_s
+    reach = 1.96 * math.sqrt(count) * 60 / touching_s
     effect = StreamEffect(
         LossOfContact.id,
         "losses_per_min",

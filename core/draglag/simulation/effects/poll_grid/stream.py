@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -72,10 +73,10 @@ def polled(touches: Sequence[TouchTrace]) -> Polled | None:
         return None
     each_s = np.array([grid.period_s for grid in grids])
     period_s = float(np.mean(each_s))
-    reach_s = 1.96 * float(np.std(each_s)) / np.sqrt(each_s.size) + 1e-5 * period_s
+    reach_s = 1.96 * float(np.std(each_s)) / math.sqrt(each_s.size) + 1e-5 * period_s
     scatter = np.array([_of_most(grid.off_s) for grid in grids])
     jitter_s = float(np.mean(scatter))
-    jitter_reach_s = 1.96 * float(np.std(scatter)) / np.sqrt(scatter.size) + UNSURE_JITTER * jitter_s
+    jitter_reach_s = 1.96 * float(np.std(scatter)) / math.sqrt(scatter.size) + UNSURE_JITTER * jitter_s
     frame_s = frames[1] * period_s
     effect = StreamEffect(
         PollGrid.id,

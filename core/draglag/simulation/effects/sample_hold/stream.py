@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -72,7 +73,7 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
     if float(np.mean(regular)) < 0.97 or not (share > FEW_REPEATS or age_s > UNEVEN_AGE * period_s):
         return None
     period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
-    spread = float(np.std(intervals[regular] / whole[regular])) / np.sqrt(intervals.size)
+    spread = float(np.std(intervals[regular] / whole[regular])) / math.sqrt(intervals.size)
     rate = 1 / period_s
     reach = max(1.96 * spread * rate**2, 1e-4 * rate)
     what = f"{100 * share:.0f} % of positions repeat the one before"
