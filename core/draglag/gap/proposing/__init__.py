@@ -1,1 +1,1 @@
-"""Refits with one more effect."""
+"""Proposals to the posterior, asked of each effect's home: refits, what traces and edges show, edges left open."""
