@@ -19,11 +19,10 @@ from draglag.messages import Message, message, phrase
 from draglag.recording import Session
 from draglag.store import schema, session_nodes
 from draglag.store.checksum import raw_checksum
-from draglag.store.codec import row_count
 from draglag.store.frames import lock, sync_folder
 from draglag.store.lowlevel import put_attrs, put_node
 from draglag.store.nexus import mark
-from draglag.store.nodes import merged, separate
+from draglag.store.nodes import merged, row_count, separate
 from draglag.store.safely import BROKEN
 from draglag.store.schema import Node
 from draglag.system.temporary import publish, refuse

@@ -81,11 +81,6 @@ def decode(data: bytes) -> Record:
     return Record(nodes, heads, rows, runs)
 
 
-def row_count(node: Node) -> int:
-    """Rows that a node adds to its table."""
-    return max((len(values) for values in node.rows.values()), default=0)
-
-
 def _plain(value: Any) -> Any:
     return value.item()
 

@@ -17,8 +17,9 @@ from draglag.messages import joined, message, phrase
 from draglag.recording import LogEntry, empty_laser, empty_touch
 from draglag.store import schema, session_nodes
 from draglag.store.build import fill
-from draglag.store.codec import Record, decode, row_count
+from draglag.store.codec import Record, decode
 from draglag.store.frames import MAGIC, Locked, bytes_after, frames, lock
+from draglag.store.nodes import row_count
 from draglag.store.schema import Node
 
 RECORDING = "recording"

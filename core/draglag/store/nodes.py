@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -29,11 +29,15 @@ def merged(nodes: Iterable[Node]) -> list[Node]:
     return [_join(same) for same in by_path.values()]
 
 
+def row_count(node: Node) -> int:
+    """Rows that a node adds to its table."""
+    return max((len(values) for values in node.rows.values()), default=0)
+
+
 def pieces(node: Node, limit: int) -> Iterator[Node]:
     """Pieces of at most ``limit`` rows; attributes and counters go with the first."""
-    count = max((len(values) for values in node.rows.values()), default=0)
     yield replace(node, rows={name: values[:limit] for name, values in node.rows.items()})
-    for start in range(limit, count, limit):
+    for start in range(limit, row_count(node), limit):
         rows = {name: values[start : start + limit] for name, values in node.rows.items()}
         yield Node(node.path, table=node.table, rows=rows)
 
@@ -50,15 +54,15 @@ def _join(nodes: list[Node]) -> Node:
         for key, value in node.counts.items():
             counts[key] = counts.get(key, 0) + value
     table = next((node.table for node in nodes if node.table is not None), None)
-    rows = {} if table is None else _join_rows(table, [node.rows for node in nodes])
+    rows = {} if table is None else _join_rows(table, nodes)
     return Node(nodes[0].path, attrs, counts, texts, table, rows)
 
 
-def _join_rows(table: Table, parts: list[Mapping[str, Any]]) -> dict[str, Any]:
-    lengths = [max((len(values) for values in part.values()), default=0) for part in parts]
+def _join_rows(table: Table, nodes: list[Node]) -> dict[str, Any]:
+    lengths = [row_count(node) for node in nodes]
     joined = {}
     for column in table.every():
-        columns = [part.get(column.name, ()) for part in parts]
+        columns = [node.rows.get(column.name, ()) for node in nodes]
         if any(len(values) for values in columns):
             filled = [
                 values if len(values) else np.full(length, column.fill, column.dtype)

@@ -24,10 +24,10 @@ from draglag.recording import (
 )
 from draglag.store import schema, session_nodes
 from draglag.store.build import build, reason
-from draglag.store.codec import Record, encode, row_count
+from draglag.store.codec import Record, encode
 from draglag.store.frames import FrameFile, Locked, sync_folder
 from draglag.store.journal import PARTIAL, RECORDING, nodes, survey
-from draglag.store.nodes import merged, pieces, separate
+from draglag.store.nodes import merged, pieces, row_count, separate
 from draglag.store.schema import Node
 from draglag.system.temporary import refuse
 
