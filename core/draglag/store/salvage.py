@@ -13,6 +13,9 @@ from draglag.store.build import build, write_session
 from draglag.store.journal import PARTIAL, all_losses, is_journal, lock_journal, nodes, open_journal, remarks, survey
 from draglag.store.old_partial import recover
 from draglag.store.read import read_unchecked
+from draglag.system.temporary import refuse
+
+_ANOTHER = message("Give another name with --out")
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
     """
     unfinished = Path(unfinished)
     target = Path(out) if out is not None else final_name(unfinished)
-    _refuse(target)
+    refuse(target, _ANOTHER)
     if not is_journal(unfinished):
         session, losses = recover(unfinished)
         note = _note(unfinished, tuple(losses), session)
@@ -51,7 +54,7 @@ def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
     with open_journal(unfinished) as fd:
         if not lock_journal(fd, unfinished) and out is None:
             target = _salvaged_name(final_name(unfinished))
-            _refuse(target)
+            refuse(target, _ANOTHER)
         found = survey(fd, str(unfinished))
         lost = all_losses(found)
         note = LogEntry(found.last_s, "warning", "salvage", _words(unfinished, remarks(found)))
@@ -60,13 +63,6 @@ def salvage(unfinished: Path | str, out: Path | str | None = None) -> Salvaged:
         except DataError as error:
             raise DataError(error.problem, "Make room there, or give another place with --out") from error
     return Salvaged(read_unchecked(path), path, lost)
-
-
-def _refuse(target: Path) -> None:
-    if target.exists() or target.is_symlink():
-        raise DataError(
-            message("{path}: exists already and is not overwritten", path=target), "Give another name with --out"
-        )
 
 
 def _note(unfinished: Path, losses: tuple[str, ...], session: Session) -> LogEntry:

@@ -68,10 +68,10 @@ def publish(source: Path, target: Path) -> None:
         source.unlink()
 
 
-def refuse(path: Path) -> None:
-    """Raise DataError if the name is taken or its folder missing."""
+def refuse(path: Path, remedy: str = "Choose another name") -> None:
+    """Raise DataError if the name is taken, with that remedy, or its folder missing."""
     if path.is_symlink() or path.exists():
-        raise DataError(message("{path}: exists already and is not overwritten", path=path), "Choose another name")
+        raise DataError(message("{path}: exists already and is not overwritten", path=path), remedy)
     folder = path.absolute().parent
     if not folder.is_dir():
         raise DataError(message("{path}: there is no such folder", path=folder), "Make it first, or choose another")

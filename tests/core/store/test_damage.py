@@ -81,6 +81,12 @@ def test_salvage_overwrites_nothing(tmp_path: Path) -> None:
     assert (tmp_path / "s.h5").read_text() == "precious"
 
 
+def test_salvage_into_a_missing_folder_asks_for_the_folder_not_for_room(tmp_path: Path) -> None:
+    SessionWriter(tmp_path / "s.h5", full_session()).abandon()
+    with pytest.raises(DataError, match=r"no such folder\. Make it first"):
+        salvage(tmp_path / "s.h5.partial", tmp_path / "missing" / "t.h5")
+
+
 def test_salvage_of_hdf5_leaves_out_unfinished_rows_and_keeps_the_rest_of_a_broken_run(tmp_path: Path) -> None:
     path = tmp_path / "s.h5.partial"
     session = full_session()
