@@ -83,7 +83,7 @@ def _sizes(pool: Pool, names: Names) -> dict[str, float]:
     for name in names:
         whole_mm = whole_size_mm(fit, name) if name in EFFECTS else None
         if whole_mm is not None:
-            out[name] = max(out.get(name, 0.0), whole_mm)
+            out[name] = whole_mm
     return {IN_SPEED if name == LAW_FORM and IN_SPEED in names else name: size for name, size in out.items()}
 
 
