@@ -20,8 +20,7 @@ MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03  # a run's own latency and offset while the
 UNUSABLE = message("Check the calibration and the clocks of this session")
 STEPS, ATTEMPTS = 20, 4
 LEAST_DAMPING = 1e-5  # of the information's diagonal: the valley of two exponentials is a hundred times narrower
-STRONGER, WEAKER = 100.0, 10.0  # factors of the damping after a step that failed, and after one that kept its promise
-KEPT = 0.75  # of the predicted fall of the cost: from there on a step kept it
+STRONGER, WEAKER = 100.0, 10.0  # factors of the damping after a step that failed, and after one that did not
 PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
 ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
 
@@ -102,14 +101,13 @@ def _next(
     down = downhill(white, state, use)
     if down.step(0.0)[1] < least:
         return None
-    for _ in range(ATTEMPTS):
-        step, promised = down.step(damping)
+    for attempt in range(ATTEMPTS):
+        step, _ = down.step(damping)
         there = stepped(state, step, runs, width_mm)
         cost, strayed = cost_relative_to(white, there, state, use)
         if cost <= down.cost + PLACING:
-            gained = down.cost - cost
-            if gained > KEPT * promised:
+            if attempt == 0:
                 damping = damping / WEAKER if damping > LEAST_DAMPING else 0.0
-            return there, strayed, gained, damping
+            return there, strayed, down.cost - cost, damping
         damping = max(STRONGER * damping, LEAST_DAMPING)
     return None
