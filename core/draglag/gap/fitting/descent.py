@@ -68,9 +68,11 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
             search = Search.at(runs, state, search.use & ~strayed, search.components)
         else:
             search = replace(search, state=state)
-        if judged and gained < ENOUGH:
+        # A damped step gains little also where much is left to gain.
+        free = damping == 0
+        if judged and free and gained < ENOUGH:
             break
-        settled = not judged and gained < ROUGHLY and iteration >= 2
+        settled = not judged and free and gained < ROUGHLY and iteration >= 2
     return search
 
 

@@ -70,7 +70,9 @@ def judged(
             break
         else:
             proposed.add(wanted)
-            found = _with_one_less(session, pool, fits, wanted)
+            found: dict[Names, Fit] = {}
+            for names in dict.fromkeys((wanted, *_probable(pool))):
+                found |= _with_one_less(session, pool, fits | found, names) if names in fits else {}
             found |= _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside), tried)
             if not found:
                 break
@@ -192,12 +194,26 @@ def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], bar
 
 
 def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted: Names) -> dict[Names, Fit]:
+    """Refits without one effect each: an earlier one may have stood in for later ones, which hid its setting."""
     out: dict[Names, Fit] = {}
+    base = next(iter(fits.values()))
     for name in wanted:
         fewer = tuple(other for other in wanted if other != name)
-        if fewer and fewer not in fits:
+        if not fewer:
+            continue
+        if fewer not in fits:
             out |= grown(session, fits | out, pool, fewer)
+        known = fits | out
+        if refit_module(name) is not None and fewer in known:
+            again = refits_with(session, known[fewer], name, _setting_alone(pool, name))
+            best = likeliest([known[wanted], *again], base, name)
+            if best is not None and best is not known[wanted]:
+                out[wanted] = best
     return out
+
+
+def _setting_alone(pool: Pool, name: str) -> tuple[float, ...]:
+    return pool.settings_of(tuple(sorted({*pool.emptiest, name}))).get(name, ())
 
 
 def _proposed(
@@ -218,8 +234,7 @@ def _proposed(
             if known or others not in fits:
                 continue
             tried.add((others, name))
-            theta = pool.settings_of(tuple(sorted({*pool.emptiest, name}))).get(name, ())
-            fit = likeliest(refits_with(session, fits[others], name, theta), base, name)
+            fit = likeliest(refits_with(session, fits[others], name, _setting_alone(pool, name)), base, name)
             if fit is not None:
                 out[names] = fit
     return out
