@@ -70,7 +70,7 @@ def judged(
             break
         else:
             proposed.add(wanted)
-            found: dict[Names, Fit] = {}
+            found = {}
             for names in dict.fromkeys((wanted, *_probable(pool))):
                 found |= _with_one_less(session, pool, fits | found, names) if names in fits else {}
             found |= _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside), tried)
