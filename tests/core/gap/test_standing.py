@@ -111,6 +111,18 @@ def test_a_lost_contact_is_seen_behind_a_deadband(sound: Session) -> None:
     assert found["loss_of_contact"].value == pytest.approx(20, rel=0.35)
 
 
+def test_a_stylus_that_rests_behind_a_backlash_loses_no_contact(sound: Session) -> None:
+    """Its positions stand still for many events: a line without a length, of whole steps."""
+
+    def resting(touch: TouchTrace) -> TouchTrace:
+        since_s = touch.t_s - touch.t_s[0]
+        moving_s = touch.t_s[0] + 5.8 * (since_s // 6) + np.minimum(since_s % 6, 5.8)  # rests of 0.2 s
+        x, y = (np.interp(moving_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
+        return rounded(after(at_rate(replace(touch, x_mm=x, y_mm=y), 166), "deadband=0.35,kind=1"), 0.025)
+
+    assert "loss_of_contact" not in [item.effect for item in inspect(with_touch(sound, resting))[0]]
+
+
 @pytest.mark.parametrize("step_mm", [0.0, 0.01])
 def test_an_average_over_longer_at_low_speeds_loses_no_contact(sound: Session, step_mm: float) -> None:
     def averaged(touch: TouchTrace) -> TouchTrace:

@@ -24,6 +24,7 @@ BY_CHANCE = 0.01  # stretches in a session that chance may make
 INFORMATIVE, LEAST_USUAL = 4.0, 10.0
 UNEVEN = 0.5  # of a frame that an interval may differ from it by
 INDEPENDENT = 0.8  # of bends; neighbours share two events
+LEAST_STEPS = 0.5  # of whole coordinates from event to event of a line: with fewer, most positions stand still
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
@@ -61,6 +62,9 @@ def filled_losses(
         total_s += float(t[-1] - t[0])
         keep = np.ones(t.size, bool)
         for start, end in _stretches(straight, least):
+            length_mm = np.hypot(x[end + 1] - x[start], y[end + 1] - y[start])
+            if length_mm < LEAST_STEPS * resolution_mm * (end + 1 - start):
+                continue
             length_s.append(float(t[end + 1] - t[start]))
             keep[start + 1 : end + 1] = False
         if keep.all():
