@@ -43,11 +43,16 @@ def test_stamps_as_coarse_as_the_frames_are_not_taken_for_missing_frames(sound: 
     assert found[0].value == pytest.approx(0.008, rel=0.01)
 
 
-def test_stamps_coarser_than_the_frames_are_reported_although_some_repeat(sound: Session) -> None:
-    # 100 frames a second on a clock of 16 ms: one or two of a stamp, but no batches of one size.
-    found, _ = inspect(with_touch(sound, lambda touch: replace(touch, t_s=np.floor(touch.t_s / 0.016) * 0.016)))
+@pytest.mark.parametrize("tick_s", [0.016, 0.033])
+def test_stamps_coarser_than_the_frames_are_reported_although_some_repeat(sound: Session, tick_s: float) -> None:
+    # 100 frames a second, one or two of a stamp or three or four, but no batches of one size.
+    found, repaired = inspect(
+        with_touch(sound, lambda touch: replace(touch, t_s=np.floor(touch.t_s / tick_s) * tick_s))
+    )
     assert [f.effect for f in found] == ["timestamp_quantisation"]
-    assert found[0].value == pytest.approx(0.016, rel=0.01)
+    assert found[0].value == pytest.approx(tick_s, rel=0.01)
+    for run, original in zip(repaired.runs, sound.runs, strict=True):  # rounding alone: a twelfth of the tick's square
+        assert np.std(run.touch.t_s - original.touch.t_s) < 0.2 * tick_s / np.sqrt(12)
 
 
 def test_stamps_hardly_coarser_than_the_frames_are_reported_by_the_few_that_repeat(sound: Session) -> None:

@@ -48,7 +48,7 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
         return None
     quantum_s = float(np.min(gaps))
     typical = float(np.mean(intervals))
-    if quantum_s < 0.08 * typical or quantum_s > 2.5 * typical:
+    if quantum_s < 0.08 * typical or (quantum_s > 2.5 * typical and not at_once):
         return None
     # Refined on whole multiples, then every interval must be one.
     whole = np.round(intervals / quantum_s)
