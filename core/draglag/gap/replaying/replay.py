@@ -206,12 +206,6 @@ def replay(
         again_runs = gather(inspect(again)[1])
     measured_s = fit.placed.t_s[fit.use]
     falling = fit.placed.falling[fit.use]
-    simulated_s = np.full(measured_s.size, np.nan)
-    for k, run in enumerate(again.runs):
-        for falls in (True, False):
-            mine = np.flatnonzero((fit.run_index == k) & (falling == falls))
-            theirs = run.laser.t_s[run.laser.light == (0 if falls else 1)]
-            simulated_s[mine] = _nearest(measured_s[mine], np.sort(theirs))
     report_progress(1.0, "done")
     return Replay(
         effects,
@@ -219,7 +213,7 @@ def replay(
         runs,
         fit.run_index.astype(np.int64),
         measured_s,
-        simulated_s,
+        _simulated_edges_s(fit, again, measured_s, falling),
         falling,
         fit.placed.v_mm_s[fit.use, 1],
         reference,
@@ -255,6 +249,17 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
 
         out.append(replay(session, fit, named, report.first, part, raw))
     return tuple(out)
+
+
+def _simulated_edges_s(fit: Fit, again: Session, measured_s: FloatArray, falling: np.ndarray) -> FloatArray:
+    """Simulated edge nearest to each measured one of its kind, (m,); NaN where none is."""
+    out = np.full(measured_s.size, np.nan)
+    for k, run in enumerate(again.runs):
+        for falls in (True, False):
+            mine = np.flatnonzero((fit.run_index == k) & (falling == falls))
+            theirs = run.laser.t_s[run.laser.light == (0 if falls else 1)]
+            out[mine] = _nearest(measured_s[mine], np.sort(theirs))
+    return out
 
 
 def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:

@@ -95,23 +95,7 @@ def place(
     traces = traces_of(runs)
     edge_s = traces.edge_t_s
     added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
-    if start is not None:
-        half_s = start.speed_half_s
-        latency = np.where(np.isfinite(start.latency_s), start.latency_s, start.speed_at_s - edge_s)
-    else:
-        latency, half_s = _begun(traces, law)
-    law_speeds = _law_speeds(traces, law, delay)
-    latency, speed, step = latency.copy(), np.zeros(edge_s.size), np.zeros(edge_s.size)
-    made = np.empty((edge_s.size, 8))
-    open_ = traces.edges
-    for _ in range(ROUNDS):
-        made[open_] = traces.speeds.at(edge_s[open_] + latency[open_], half_s[open_], open_)
-        latency[open_], speed[open_], step[open_] = _solved(
-            traces, open_, made[open_], latency[open_], law, added_s[open_], law_speeds
-        )
-        open_ = open_[np.abs(edge_s[open_] + latency[open_] - made[open_, 0]) >= STRAIGHT_S]
-        if open_.size <= (0 if start is None else FEW * edge_s.size):
-            break  # a few that come to no end are not worth a round of their own: another placing goes on with them
+    latency, speed, step, made, half_s = _found(traces, law, added_s, start, delay)
     at_s = edge_s + latency
     there = traces.positions.at(at_s, traces.half_s, traces.edges)
     xy_mm, _ = _moved(there, at_s)
@@ -161,6 +145,31 @@ def place(
         traces=traces,
         trace=DewarpedKinematics(runs, run, t_s + latency),
     )
+
+
+def _found(
+    traces: Traces, law: Law, added_s: FloatArray, start: Placed | None, delay: SpeedDelay
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Latency, speed and last step (m,), fits of the speed (m, 8) and their half windows (m,)."""
+    edge_s = traces.edge_t_s
+    if start is not None:
+        half_s = start.speed_half_s
+        latency = np.where(np.isfinite(start.latency_s), start.latency_s, start.speed_at_s - edge_s)
+    else:
+        latency, half_s = _begun(traces, law)
+    law_speeds = _law_speeds(traces, law, delay)
+    latency, speed, step = latency.copy(), np.zeros(edge_s.size), np.zeros(edge_s.size)
+    made = np.empty((edge_s.size, 8))
+    open_ = traces.edges
+    for _ in range(ROUNDS):
+        made[open_] = traces.speeds.at(edge_s[open_] + latency[open_], half_s[open_], open_)
+        latency[open_], speed[open_], step[open_] = _solved(
+            traces, open_, made[open_], latency[open_], law, added_s[open_], law_speeds
+        )
+        open_ = open_[np.abs(edge_s[open_] + latency[open_] - made[open_, 0]) >= STRAIGHT_S]
+        if open_.size <= (0 if start is None else FEW * edge_s.size):
+            break  # a few that come to no end are not worth a round of their own: another placing goes on with them
+    return latency, speed, step, made, half_s
 
 
 def _curvatures(run: IntArray, judged: np.ndarray, each: FloatArray, n_runs: int) -> FloatArray:

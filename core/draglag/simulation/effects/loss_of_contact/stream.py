@@ -50,15 +50,10 @@ def filled_losses(
         if t.size < LEAST_EVENTS:
             out.append(run)
             continue
-        off, straight = _straight(run.touch, uneven_ages)
-        if resolution_mm:
-            even = _even(t)
-            usual_mm2 = _usual_around(off, even, usual_bend[index], resolution_mm)
-            if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < INFORMATIVE * resolution_mm**2 / 8:
-                out.append(run)  # where a slow path stays on one step, anything is a line
-                continue
-            if not uneven_ages:
-                straight = _likelier_lines(off, usual_mm2, even, resolution_mm, n_events)
+        straight = _lines(run.touch, uneven_ages, resolution_mm, usual_bend.get(index), n_events)
+        if straight is None:
+            out.append(run)
+            continue
         total_s += float(t[-1] - t[0])
         keep = np.ones(t.size, bool)
         for start, end in _stretches(straight, least):
@@ -89,6 +84,20 @@ def filled_losses(
         count / max(len(runs), 1),
     )
     return effect, tuple(out)
+
+
+def _lines(
+    touch: TouchTrace, uneven_ages: bool, resolution_mm: float, usual_bend: FloatArray | None, n_events: int
+) -> np.ndarray | None:
+    """Inner events (n − 2,) on lines that noise forbids; None where rounding alone makes lines."""
+    off, straight = _straight(touch, uneven_ages)
+    if not resolution_mm or usual_bend is None:
+        return straight
+    even = _even(touch.t_s)
+    usual_mm2 = _usual_around(off, even, usual_bend, resolution_mm)
+    if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < INFORMATIVE * resolution_mm**2 / 8:
+        return None  # where a slow path stays on one step, anything is a line
+    return straight if uneven_ages else _likelier_lines(off, usual_mm2, even, resolution_mm, n_events)
 
 
 def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndarray]:
