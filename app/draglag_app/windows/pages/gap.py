@@ -60,11 +60,7 @@ class GapPage(QWidget):
         self.explain_button.clicked.connect(self.start)
         self.remove_button = button(self.tr("Remove effect"))
         self.remove_button.clicked.connect(self._remove)
-        self.choice = QComboBox()
-        self.choice.setAccessibleName(self.tr("Effect to add"))
-        for effect in BY_HAND:
-            self.choice.addItem(effect_name(effect), effect)
-            self.choice.setItemData(self.choice.count() - 1, effect_meaning(effect), Qt.ItemDataRole.ToolTipRole)
+        self.choice = self._effects_to_add()
         self.choice.currentIndexChanged.connect(lambda index: self._choice_made())
         self._choice_made()
         self.add_button = button(self.tr("Add effect"))
@@ -103,6 +99,14 @@ class GapPage(QWidget):
         workspace.tasks.changed.connect(self._tasks_changed)
         workspace.session_changed.connect(self._session_changed)
         self._session_changed()
+
+    def _effects_to_add(self) -> QComboBox:
+        choice = QComboBox()
+        choice.setAccessibleName(self.tr("Effect to add"))
+        for effect in BY_HAND:
+            choice.addItem(effect_name(effect), effect)
+            choice.setItemData(choice.count() - 1, effect_meaning(effect), Qt.ItemDataRole.ToolTipRole)
+        return choice
 
     def _unseen(self) -> Panel:
         panel = Panel(self.tr("What this session could not show"))
