@@ -61,7 +61,7 @@ def judged(
         progress((k + 1) / (constants.ROUNDS + 1), "comparing explanations")
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
         if wanted not in fits:
-            found = grown(session, fits, pool, wanted)
+            found = grown(session, fits, pool, wanted, tried)
             barred |= set() if wanted in found else {_unfitted(pool, wanted, fits | found)}
         elif rivals and most_effects > 0:
             found = _proposed(session, pool, fits, [n for n in rivals if n not in barred], (inside,), tried)
@@ -72,7 +72,7 @@ def judged(
             proposed.add(wanted)
             found = {}
             for names in dict.fromkeys((wanted, *_probable(pool))):
-                found |= _with_one_less(session, pool, fits | found, names) if names in fits else {}
+                found |= _with_one_less(session, pool, fits | found, names, tried) if names in fits else {}
             found |= _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside), tried)
             if not found:
                 break
@@ -126,7 +126,9 @@ def _leading(pool: Pool, wanted: Names) -> Names:
     return next((names for names in pool.probabilities() if _effects_of(names) == wanted), pool.best)
 
 
-def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -> dict[Names, Fit]:
+def grown(
+    session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names, tried: set[tuple[Names, str]] | None = None
+) -> dict[Names, Fit]:
     """Refits, effects added one by one to the largest fitted subset."""
     names = max((names for names in fits if set(names) <= set(wanted)), key=len)
     theta = pool.settings_of(_leading(pool, wanted))
@@ -134,6 +136,8 @@ def grown(session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names) -
     out: dict[Names, Fit] = {}
     for name in sorted(set(wanted) - set(names), key=lambda n: -pool.alone(n)):
         before = (fits | out)[names]
+        if tried is not None:
+            tried.add((names, name))
         fit = likeliest(refits_with(session, before, name, theta.get(name, ())), base, name)
         if fit is None:
             break
@@ -193,7 +197,9 @@ def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], bar
     return list(dict.fromkeys((*order, *like)))
 
 
-def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted: Names) -> dict[Names, Fit]:
+def _with_one_less(
+    session: Session, pool: Pool, fits: dict[Names, Fit], wanted: Names, tried: set[tuple[Names, str]]
+) -> dict[Names, Fit]:
     """Refits without one effect each: an earlier one may have stood in for later ones, which hid its setting."""
     out: dict[Names, Fit] = {}
     base = next(iter(fits.values()))
@@ -202,9 +208,10 @@ def _with_one_less(session: Session, pool: Pool, fits: dict[Names, Fit], wanted:
         if not fewer:
             continue
         if fewer not in fits:
-            out |= grown(session, fits | out, pool, fewer)
+            out |= grown(session, fits | out, pool, fewer, tried)
         known = fits | out
-        if refit_module(name) is not None and fewer in known:
+        if refit_module(name) is not None and fewer in known and (fewer, name) not in tried:
+            tried.add((fewer, name))
             again = refits_with(session, known[fewer], name, _setting_alone(pool, name))
             best = likeliest([known[wanted], *again], base, name)
             if best is not None and best is not known[wanted]:
