@@ -23,6 +23,11 @@ def brief(record: Any) -> str:
     return f"{type(record).__name__}({', '.join(parts)})"
 
 
+def chance(p_value: float) -> str:
+    """A p-value, as everywhere in windows, reports and commands."""
+    return "p < 0.001" if p_value < 1e-3 else f"p = {p_value:.2g}"
+
+
 def _word(value: object) -> str | None:
     if value is None or (isinstance(value, Sized) and not len(value)):
         return None

@@ -12,6 +12,7 @@ from draglag.curve.compare import CurveDifference
 from draglag.curve.ranking import Ranking
 from draglag.errors import DraglagError, EstimateError
 from draglag.provenance import Source, source_of
+from draglag.shown import chance
 from draglag.system.packages import need
 from draglag_app.cli.common import (
     json_option,
@@ -191,9 +192,8 @@ def _print_each(first: str, differences: list[tuple[str, CurveDifference | None]
                 difference.speed_mm_s, difference.difference_s, difference.low_s, difference.high_s, strict=True
             )
         ]
-        chance = "p < 0.001" if difference.p_value < 1e-3 else f"p = {difference.p_value:.2g}"
         word = "they differ" if difference.p_value < 0.05 else "no difference beyond chance"
-        click.echo(f"{name} minus {first}: {word} ({chance})")
+        click.echo(f"{name} minus {first}: {word} ({chance(difference.p_value)})")
         click.echo(table(["speed mm/s", "difference ms", "95 % band ms"], rows, left=0) + "\n")
 
 

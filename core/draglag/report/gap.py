@@ -31,6 +31,7 @@ from draglag.provenance import Source, source_of
 from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.gap_figures import curves, ms_per_mm, residuals, spread, waterfall
+from draglag.shown import chance
 from draglag.system.temporary import new_file
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -182,9 +183,11 @@ def _table(report: GapReport) -> str:
 
 
 def _small_print(step: Step) -> tuple[str, str]:
-    p = "<\u00a00.0001" if step.p_value < 1e-4 else f"=\u00a0{step.p_value:.1g}"
     run = separating_run(step.effect, step.indistinguishable_from, step.extra_run)
-    return f"{step.evidence}; p\u00a0{p}", f"to separate them: {run}" if step.indistinguishable_from and run else ""
+    return (
+        f"{step.evidence}; {chance(step.p_value)}",
+        f"to separate them: {run}" if step.indistinguishable_from and run else "",
+    )
 
 
 def _explanations(report: GapReport) -> str:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from draglag.shown import chance
 from draglag_app.windows.window import OperatorWindow
-from draglag_app.windows.wording import words
 
 
 class TestCompare:
@@ -36,5 +36,5 @@ class TestCompare:
         assert not page.remove_button.isEnabled()
 
     def test_no_chance_is_nothing(self) -> None:
-        assert words.chance(0.031) == "p = 0.031"
-        assert words.chance(0.0) == "p < 0.001"
+        assert chance(0.031) == "p = 0.031"
+        assert chance(0.0) == "p < 0.001"

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 from draglag.analysis import Analysis, analyze
 from draglag.curve.compare import curve_difference
 from draglag.provenance import joint_source
+from draglag.shown import chance
 from draglag.store import read_session
 from draglag_app.windows.parts.ask_files import ask_open_several
 from draglag_app.windows.parts.tasks import Progress
@@ -153,7 +154,7 @@ class ComparePage(QWidget):
                 self.apart.band(name + " 95 %", speed, 1e3 * found.low_s, 1e3 * found.high_s, colour)
                 self.apart.line(name, speed, 1e3 * found.difference_s, colour, 2.5)
                 answer = self.tr("yes") if found.p_value < 0.05 else self.tr("no")
-                self.table.setItem(k, len(cells) - 1, QTableWidgetItem(f"{answer} ({words.chance(found.p_value)})"))
+                self.table.setItem(k, len(cells) - 1, QTableWidgetItem(f"{answer} ({chance(found.p_value)})"))
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""

@@ -91,11 +91,6 @@ def between(low: str, high: str) -> str:
     return say("{low} to {high}").format(low=low, high=high)
 
 
-def chance(p_value: float) -> str:
-    """A p-value."""
-    return "p < 0.001" if p_value < 1e-3 else f"p = {p_value:.2g}"
-
-
 def per_second(rate_hz: float) -> str:
     return f"{rate_hz:.0f} /s"
 
