@@ -79,7 +79,8 @@ def test_a_rest_says_first_how_long_it_lasts_and_last_what_buttons_say_too(
     assert parts[2].endswith("left in the session")
     assert "left in the session" in window.record.small.shown()
     window.ask("undo")
-    until(lambda: "comes again" not in window.record.small.text())
+    until(lambda: "recorded again" not in window.record.small.text())
+    assert window.space.recording.control.queued == ()
     window.ask("stop")
     until(lambda: not window.space.recording.active)
 
@@ -87,9 +88,11 @@ def test_a_rest_says_first_how_long_it_lasts_and_last_what_buttons_say_too(
 ONE = RunEstimate("run-01", "circle", 600.0, "kernel", latency_s=0.04, flags=("few_edges",))
 
 
-def test_a_run_with_several_flags_names_them_all() -> None:
+def test_a_good_run_says_its_latency_and_one_with_flags_names_them_all() -> None:
+    good = replace(ONE, flags=(), latency_s=0.0387, latency_ci95_s=(0.0386, 0.0388))
     several = replace(ONE, flags=("few_edges", "off_speed"))
     four = replace(ONE, latency_s=None, flags=("few_edges", "unidentifiable", "little_travel", "alias"))
+    assert verdict_words(good, preliminary=False) == ("good", "✓ 38.7 ± 0.1 ms", "")
     assert verdict_words(ONE, preliminary=False) == ("warning", "▲ few edges: repeat? F7", "")
     assert verdict_words(several, preliminary=False) == ("warning", "▲ few edges, off speed", "")
     assert verdict_words(four, preliminary=False, queued=True) == (
