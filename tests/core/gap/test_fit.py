@@ -24,6 +24,7 @@ from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects.speed_adaptive_filter import USUAL, SpeedAdaptiveFilter
 
 LIKELY = 4.0  # a difference of log-likelihood that means nothing
 
@@ -65,6 +66,15 @@ def test_a_step_keeps_what_it_promises(damping: float) -> None:
     there = replace(state, residual=state.residual - state.design @ step)
     assert promised > 0.1
     assert down.cost - cost_without_nuisances(white, there, use) == pytest.approx(promised, rel=1e-3)
+
+
+def test_a_fit_that_begins_where_it_ended_stays_there(plain: tuple[Session, Fit]) -> None:
+    """A size with a prior is drawn back by it, or it would creep on with every step."""
+    session, base = plain
+    term = Term(SpeedAdaptiveFilter.id, USUAL, (0.0, 0.0))
+    ended = fit_session(session, base.runs, [term], start=base, law=base.law)
+    again = fit_session(session, base.runs, ended.terms, start=base, law=ended.law)
+    assert again.terms[0].sizes == pytest.approx(ended.terms[0].sizes, abs=0.1 * SpeedAdaptiveFilter.prior_sd)
 
 
 def test_a_law_far_off_to_begin_with_costs_no_edges(plain: tuple[Session, Fit]) -> None:
