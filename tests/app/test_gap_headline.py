@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from draglag.gap.correction import size_words
 from draglag.gap.fitting.state import Term
 from draglag.gap.not_shown import not_shown
 from draglag.gap.results import GapReport, LawStatement, Step, Tolerated, unjudged
 from draglag.gap.wording import also_in_words, drift_in_analysis, headline, law_in_words
+from draglag.model.file import ModelEffect
 from draglag.protocol.runs import load_protocol
 from draglag.report.gap import _explanations, _table
 from draglag.simulation import simulate_session
-from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects import EFFECTS, parse_effect, title_of
+from draglag.simulation.effects.parameter import amount, parameter_of
 from draglag_app.cli import cli
 from draglag_app.cli.gap import print_finding
+from draglag_app.windows.wording.effect_words import size_words as shown_in_window
 from draglag_app.windows.wording.gap_words import headline as in_window
 
 SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "low_speed_plateau"
@@ -180,6 +184,40 @@ def test_an_offset_shown_by_taps_has_no_gap_of_its_own(capsys):
     print_finding(made, None)
     for said in (capsys.readouterr().out, _table(made)):
         assert OFFSET.evidence in said
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_names_and_sizes_are_the_same_in_terminal_report_window_and_correction(effect, capsys):
+    """In words and in the unit people read, without an id."""
+    sizes = {spec.name: (spec.typical, (0.9 * spec.typical, 1.1 * spec.typical)) for spec in EFFECTS[effect].parameters}
+    step = Step(effect, sizes, "", "session_time", 1e-9, "", 2.7, 0.22, 0.97, indistinguishable_from=("thermal_drift",))
+    made = replace(report("explained"), steps=(step,), not_seen={effect: "more runs"})
+    print_finding(made, None)
+    terminal = " ".join(capsys.readouterr().out.split())
+    corrected = size_words(ModelEffect(id=effect, parameters={name: size for name, (size, _) in sizes.items()}))
+    assert title_of(effect) in terminal
+    for spec in EFFECTS[effect].parameters:
+        shown = f"{spec.in_words} {amount(spec, spec.typical)}"
+        assert shown in _table(made)
+        assert shown in shown_in_window(effect, spec.name, spec.typical)
+        assert shown in corrected
+    for said in (terminal, _table(made), corrected):
+        assert not re.search(r"\b[a-z]+_[a-z]", re.sub(r"<[^>]*>", " ", said))
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter", "value", "shown"),
+    [
+        ("clock_drift", "drift_ppm", -24.94, "−24.94 ppm"),
+        ("frame_drop", "share", 0.1234, "12.34 %"),
+        ("poll_grid", "jitter_s", 4e-5, "40 µs"),
+        ("acceleration_lag", "lag_s_per_mm_s2", 2e-6, "2 ms/(m/s²)"),
+        ("loss_of_contact", "losses_per_min", 6.0, "6/min"),
+        ("second_filter_mode", "threshold_mm_s2", 3000.0, "3000 mm/s²"),  # which its fit adds
+    ],
+)
+def test_a_size_has_the_unit_people_read(effect, parameter, value, shown):
+    assert amount(parameter_of(EFFECTS[effect].parameters, parameter), value) == shown
 
 
 def test_a_drift_refers_to_what_analyze_makes_of_it():

@@ -18,13 +18,14 @@ from draglag.gap.wording import (
     headline,
     law_in_words,
     noise_in_words,
+    sizes_of,
     tolerated_in_words,
 )
 from draglag.gap.workflow import close_gap
 from draglag.messages import joined, message
 from draglag.model.file import save_model
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS, known_effects
+from draglag.simulation.effects import EFFECTS, known_effects, title_of
 from draglag.system.packages import need
 from draglag_app.cli.batch import GAP_COLUMNS, FindingGap
 from draglag_app.cli.common import (
@@ -193,10 +194,9 @@ def print_finding(result: GapReport, report: Path | None) -> None:
     click.echo(headline(result))
     rows = []
     for step in result.steps:
-        sizes = ", ".join(f"{k} {v:.4g} ({low:.4g} to {high:.4g})" for k, (v, (low, high)) in step.parameters.items())
-        also = f" or {', '.join(step.indistinguishable_from)}" if step.indistinguishable_from else ""
+        names = " or ".join(map(title_of, (step.effect, *step.indistinguishable_from)))
         gap = f"{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}"
-        rows.append([step.effect + also, stated(step.probability), step.where, sizes, gap])
+        rows.append([names, stated(step.probability), step.where, ", ".join(sizes_of(step)), gap])
     if rows:
         click.echo(table(["effect", "probability", "where", "size (95 %)", "gap, mm"], rows, 5))
     click.echo(
@@ -208,10 +208,10 @@ def print_finding(result: GapReport, report: Path | None) -> None:
         click.echo(words)
     for step in result.steps:
         if step.covariate == BY_TAPS:  # its gap is not the one before it
-            click.echo(f"{step.effect}: {step.evidence}.")
+            click.echo(f"{title_of(step.effect)}: {step.evidence}.")
     if result.not_seen:
         click.echo("This session could not have shown:")
         for effect, words in result.not_seen.items():
-            click.echo(f"  {effect}: {words}")
+            click.echo(f"  {title_of(effect)}: {words}")
     if report is not None:
         click.echo(f"Report: {report}")

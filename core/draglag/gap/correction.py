@@ -16,7 +16,8 @@ from draglag.model.file import IN_THE_LAW, OF_SPEED, LatencyModel, ModelEffect
 from draglag.path.events import sample_interval_s, usable
 from draglag.path.inversion import Law, stylus_path
 from draglag.recording import FloatArray, LaserTrace, Run, Session, TouchTrace
-from draglag.simulation.effects import EFFECTS, Edges, Effect
+from draglag.simulation.effects import EFFECTS, Edges, Effect, title_of
+from draglag.simulation.effects.parameter import sizes_in_words
 from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
 
 LAW_UNDOES = "part of the latency law, which undoes it"
@@ -37,8 +38,8 @@ class Correction:
             out.append("corrected for " + "; ".join(size_words(effect) for effect in self.applied))
         stays = {name: why for name, why in self.left.items() if why != LAW_UNDOES}
         if stays:
-            out.append("not for " + "; ".join(f"{name} ({why})" for name, why in stays.items()))
-        undone = [name for name in self.left if name not in stays]
+            out.append("not for " + "; ".join(f"{title_of(name)} ({why})" for name, why in stays.items()))
+        undone = [title_of(name) for name in self.left if name not in stays]
         if undone:
             out.append(f"{', '.join(undone)} {'is' if len(undone) == 1 else 'are'} {LAW_UNDOES}")
         return ", ".join(out)
@@ -56,17 +57,9 @@ class Correction:
 
 
 def size_words(effect: ModelEffect) -> str:
-    """``clock_drift 30.0 ppm (29.1 to 30.9)``."""
-    parts = []
-    specs = {spec.name: spec for spec in EFFECTS[effect.id].parameters}
-    for name, value in effect.parameters.items():
-        unit = f" {specs[name].unit}" if name in specs and specs[name].unit != "1" else ""
-        text = f"{value:.4g}{unit}"
-        if name in effect.ci95:
-            low, high = effect.ci95[name]
-            text += f" ({low:.4g} to {high:.4g})"
-        parts.append(text)
-    return f"{effect.id} {', '.join(parts)}".strip()
+    """As "clock drift 30 ppm (29.1 to 30.9)"."""
+    sizes = sizes_in_words(EFFECTS[effect.id].parameters, effect.parameters, effect.ci95)
+    return f"{title_of(effect.id)} {', '.join(sizes)}".strip()
 
 
 def realise(effect: ModelEffect) -> Effect:

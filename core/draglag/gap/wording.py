@@ -23,11 +23,9 @@ from draglag.latency.on_clock import nearby
 from draglag.messages import message
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, title_of
+from draglag.simulation.effects.parameter import amount, ends, parameter_of, sizes_in_words
 
-# Unit of an effect's parameter in code → unit people read, and how many of it make one of the former.
-READ_AS = {
-    "s": ("ms", 1e3), "s/h": ("ms/h", 1e3), "s per mm/s²": ("ms/(m/s²)", 1e6), "1": ("", 1.0), "1/min": ("/min", 1.0)
-}  # fmt: skip
+_DIGITS = 3  # of a size in a headline
 FEWEST_STAMPS = 10  # for a rate
 LEAST_MISS_S = 5e-6  # smaller ones would be printed as 0.0 ms
 NOISE = {
@@ -58,9 +56,15 @@ def _size(step: Step) -> tuple[str, str]:
     if not step.parameters:
         return "", ""
     name, (value, (low, high)) = next(iter(step.parameters.items()))
-    unit = next((spec.unit for spec in EFFECTS[step.effect].parameters if spec.name == name), "1")
-    read, factor = READ_AS.get(unit, (unit, 1.0))
-    return f"{factor * value:.3g}{' ' if read else ''}{read}", f"{factor * low:.3g} to {factor * high:.3g}"
+    spec = parameter_of(EFFECTS[step.effect].parameters, name)
+    return amount(spec, value, _DIGITS), " to ".join(ends(spec, (low, high), _DIGITS))
+
+
+def sizes_of(step: Step) -> list[str]:
+    """The step's numbers, each as "extra 12 ms (11.5 to 12.5)"."""
+    sizes = {name: value for name, (value, _) in step.parameters.items()}
+    ci95 = {name: interval for name, (_, interval) in step.parameters.items()}
+    return sizes_in_words(EFFECTS[step.effect].parameters, sizes, ci95)
 
 
 def headline(report: GapReport) -> str:

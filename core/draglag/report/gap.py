@@ -23,6 +23,7 @@ from draglag.gap.wording import (
     noise_in_words,
     separating_run,
     set_in_words,
+    sizes_of,
     tolerated_in_words,
     verdict_in_words,
 )
@@ -32,6 +33,7 @@ from draglag.recording import Session
 from draglag.report import replayed
 from draglag.report.gap_figures import curves, ms_per_mm, residuals, spread, waterfall
 from draglag.shown import chance
+from draglag.simulation.effects import title_of
 from draglag.system.temporary import new_file
 
 _PAGE = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -83,7 +85,7 @@ def write_gap_report(
     for figure, caption in figures:
         body.append(f"<figure>{_svg(figure, source)}<figcaption>{escape(caption)}</figcaption></figure>")
     if report.not_seen:
-        items = "".join(f"<li><b>{escape(k)}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
+        items = "".join(f"<li><b>{escape(title_of(k))}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
         body.append(f"<h2>What this session could not have shown</h2><ul>{items}</ul>")
     title = f"{'SIMULATED – ' if source.simulated else ''}draglag gap report"
     try:
@@ -166,15 +168,11 @@ def _table(report: GapReport) -> str:
         return "<p>No effect was added.</p>"
     rows = []
     for step in report.steps:
-        sizes = "<br>".join(
-            f"{escape(name)} = " + f"{value:.4g} ({low:.4g} to {high:.4g})".replace("-", "−")  # no line breaks at it
-            for name, (value, (low, high)) in step.parameters.items()
-        )
-        also = step.indistinguishable_from
-        alike = f"<br><small>or {escape(', '.join(also))}</small>" if also else ""
+        sizes = "<br>".join(map(escape, sizes_of(step)))
+        alike = "".join(f"<br><small>or {escape(title_of(also))}</small>" for also in step.indistinguishable_from)
         small = "".join(f"<br><small>{escape(words)}</small>" for words in _small_print(step) if words)
         rows.append(
-            f"<tr><td><b>{escape(step.effect)}</b>{alike}</td><td>{escape(stated(step.probability))}</td>"
+            f"<tr><td><b>{escape(title_of(step.effect))}</b>{alike}</td><td>{escape(stated(step.probability))}</td>"
             f"<td>{escape(step.where)}{small}</td><td>{sizes}</td>"
             f'<td class="number">{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}</td></tr>'
         )
@@ -268,7 +266,7 @@ def _replay_table(again: tuple[Replay, ...], report: GapReport) -> str:
     for k, one in enumerate(again):
         low, high = one.rms_ms_ci95
         inside, of = one.runs_that_agree
-        name = "present model" if k == 0 else f"+ {report.steps[k - 1].effect.replace('_', ' ')}"
+        name = "present model" if k == 0 else f"+ {title_of(report.steps[k - 1].effect)}"
         rows.append(
             f"<tr><td>{escape(name)}</td><td>{one.rms_mm:.3f}</td>"
             f'<td class="number">{one.rms_ms:.2f} ({low:.2f} to {high:.2f})</td><td>{inside} of {of}</td></tr>'

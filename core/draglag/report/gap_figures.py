@@ -12,6 +12,7 @@ from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.law_form import FlexibleLaw, nearest_eq5
 from draglag.gap.results import GapReport
 from draglag.report import replayed
+from draglag.simulation.effects import title_of
 
 
 def ms_per_mm(fit: Fit) -> float:
@@ -23,7 +24,7 @@ def waterfall(report: GapReport) -> Any:
     """The held-out gap step by step, against the noise floor."""
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
-    names = ["present model", *(f"+ {s.effect.replace('_', ' ')}" for s in report.steps)]
+    names = ["present model", *(f"+ {title_of(s.effect)}" for s in report.steps)]
     values = [report.gap_first_mm or 0.0, *(s.gap_after_mm for s in report.steps)]
     places = np.arange(len(names))
     axes.bar(places, values, width=0.55, color=[ORANGE] + [BLUE] * len(report.steps))

@@ -11,7 +11,7 @@ from draglag.drawing.style import BLACK, BLUE, GREY, ORANGE, new_figure, plain_l
 from draglag.gap.replaying.replay import Overlay, Replay
 from draglag.gap.results import GapReport
 from draglag.recording import FloatArray
-from draglag.simulation.effects import effect_class
+from draglag.simulation.effects import effect_class, title_of
 
 BINS = 12
 # Covariate of the gap report → how a view has it, and how people call it.
@@ -210,10 +210,10 @@ def steps_figure(replays: Sequence[Replay], report: GapReport) -> Any:
         series = (
             (replays[0].measured, BLACK, "s", "measured"),
             (replays[k].simulated, ORANGE, "^", "simulated without it"),
-            (replays[k + 1].simulated, BLUE, "o", f"simulated with {effect.replace('_', ' ')}"),
+            (replays[k + 1].simulated, BLUE, "o", f"simulated with {title_of(effect)}"),
         )
         _panel(axes, covariate, series)
-        axes.set_title(f"Step {k + 1}: {effect.replace('_', ' ')}")
+        axes.set_title(f"Step {k + 1}: {title_of(effect)}")
         axes.legend(loc="best")
     return figure
 

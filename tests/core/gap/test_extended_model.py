@@ -104,7 +104,7 @@ def test_the_law_of_a_fit_is_the_same_law_as_a_file() -> None:
 def test_a_clock_s_drift_is_taken_out_before_runs_are_estimated(model: LatencyModel, drifting: Session) -> None:
     law = rig_for_screen("screen-1").law
     fixed, correction = corrected(drifting, model)
-    assert "corrected for clock_drift" in correction.words()
+    assert "corrected for clock drift" in correction.words()
     assert " ppm (" in correction.words()
 
     def off_s(session: Session) -> float:
@@ -204,12 +204,12 @@ def test_commands_say_what_they_corrected_for(model: LatencyModel, drifting: Ses
         return result.output
 
     m, s = str(tmp_path / "m.json"), str(tmp_path / "s.h5")
-    assert "corrected for clock_drift" in said("validate", s, "--model", m)
-    assert "corrected for clock_drift" in said("analyze", s, "--model", m)
+    assert "corrected for clock drift" in said("validate", s, "--model", m)
+    assert "corrected for clock drift" in said("analyze", s, "--model", m)
     assert json.loads(said("analyze", s, "--model", m, "--json"))["corrected_for"][0]["effect"] == "clock_drift"
     text = said("compensate", m, str(tmp_path / "in.csv"), str(tmp_path / "out.csv"))
-    assert "clock_drift (it does not act on touch)" in text
-    assert "clock_drift" in said("simulate", "--screen", "screen-1", "--model", m, "--out", str(tmp_path / "new.h5"))
+    assert "clock drift (it does not act on touch)" in text
+    assert "clock drift" in said("simulate", "--screen", "screen-1", "--model", m, "--out", str(tmp_path / "new.h5"))
     by_hand = ("--effect", "clock_drift=10", "--out", str(tmp_path / "other.h5"))
     assert "clock_drift as given by hand" in said("simulate", "--screen", "screen-1", "--model", m, *by_hand)
 
@@ -295,7 +295,7 @@ def test_what_the_law_undoes_is_not_reported_as_left_in(model: LatencyModel, dri
     touch = drifting.runs[0].touch
     held = model.model_copy(update={"effects": (plateau,)})
     words = corrected_touch(touch.t_s, touch.x_mm, touch.y_mm, held)[3].words()
-    assert words == "low_speed_plateau is part of the latency law, which undoes it"
+    assert words == "low-speed plateau is part of the latency law, which undoes it"
 
 
 def test_a_model_of_more_runs_than_any_session_has_is_refused(model: LatencyModel, tmp_path: Path) -> None:

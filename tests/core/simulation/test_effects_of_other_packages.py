@@ -37,7 +37,7 @@ def test_the_example_goes_all_the_way(example: list[Path], tmp_path: Path) -> No
     assert "Edge averaging" in text
     assert "towards the side edges" in text
     corrected = with_packages(example, "validate", session, "--model", model)
-    assert "corrected for edge_averaging" in corrected.stdout + corrected.stderr
+    assert "corrected for edge averaging" in corrected.stdout + corrected.stderr
     without = with_packages(example, "gap", session, "--json", "--without", "edge_averaging")
     assert without.returncode == 0, without.stderr
     assert "edge_averaging" not in [s["effect"] for s in json.loads(without.stdout)["steps"]]
@@ -59,7 +59,7 @@ def test_without_its_package_a_model_says_which_effect_is_not_known(example: lis
         ("Made = dict", "no subclass"),
         ("from draglag.simulation.effects import Effect\nclass Made(Effect): pass", "it has no id"),
         (
-            "from draglag.simulation.effects.base import Effect, Parameter\nclass Made(Effect):\n"
+            "from draglag.simulation.effects import Effect, Parameter\nclass Made(Effect):\n"
             "    id = 'scan_skew'\n    meaning = 'x'\n    parameters = (Parameter('a_s', 's', 0, 1, 0.5),)",
             "is taken",
         ),

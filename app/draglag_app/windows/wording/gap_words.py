@@ -193,7 +193,7 @@ def names_words(step: dict[str, Any]) -> str:
 
 
 def _cause(step: dict[str, Any]) -> str:
-    size, interval = main_size(step["parameters"])
+    size, interval = main_size(step["effect"], step["parameters"])
     if not size:
         return names_words(step) + _sure(step["probability"])
     return _say(_SIZED).format(name=names_words(step), size=size, interval=interval, p=stated(step["probability"]))

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from draglag.errors import DataError
 from draglag.messages import message
 from draglag.simulation.effects.acceleration_lag import AccelerationLag
-from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter, TouchEvents, each_contact
+from draglag.simulation.effects.base import Confounder, Edges, Effect, TouchEvents, each_contact
 from draglag.simulation.effects.beam_bow import BeamBow
 from draglag.simulation.effects.beam_wedge import BeamWedge
 from draglag.simulation.effects.beam_width import BeamWidth
@@ -24,6 +24,7 @@ from draglag.simulation.effects.laser_hysteresis import LaserHysteresis
 from draglag.simulation.effects.loss_of_contact import LossOfContact
 from draglag.simulation.effects.low_speed_plateau import LowSpeedPlateau
 from draglag.simulation.effects.other_packages import effects_of_other_packages
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.pitch_ripple import PitchRipple
 from draglag.simulation.effects.poll_grid import PollGrid
 from draglag.simulation.effects.prediction import Prediction

@@ -12,21 +12,9 @@ from draglag.errors import DataError
 from draglag.messages import message
 from draglag.recording import FloatArray, IntArray, Screen
 from draglag.simulation.effects.in_fits import InFits, Parameters
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A number of an effect. unit: for people; sound: largest absolute size on sound rigs."""
-
-    name: str
-    unit: str
-    lower: float
-    upper: float
-    typical: float
-    whole: bool = False
-    sound: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 

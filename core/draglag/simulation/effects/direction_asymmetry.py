@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 

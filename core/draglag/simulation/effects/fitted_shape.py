@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from draglag.simulation.effects.base import Effect, Parameter
+from draglag.simulation.effects.base import Effect
+from draglag.simulation.effects.parameter import Parameter
 
 
 @dataclass(frozen=True)

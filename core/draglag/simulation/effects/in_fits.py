@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from draglag.gap.fitting.state import Term
     from draglag.gap.traces.edges import Placed
     from draglag.gap.traces.run_data import RunData
-    from draglag.simulation.effects.base import Parameter
     from draglag.simulation.effects.fitted_shape import FittedShape
+    from draglag.simulation.effects.parameter import Parameter
     from draglag.simulation.residual import View
 
 Theta = tuple[float, ...]

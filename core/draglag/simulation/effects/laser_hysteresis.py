@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Confounder, Edges, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Edges, Effect
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.residual import LineGains, Signature, View, column
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from draglag.recording import FloatArray, Screen
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters
+from draglag.simulation.effects.parameter import PER_CENT, Parameter
 from draglag.simulation.kinematics import Kinematics
 
 
@@ -21,7 +22,7 @@ class ScaleError(Effect):
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "other stylus"
     identifiable_with: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -0.2, 0.2, 0.02),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -0.2, 0.2, 0.02, read_as=PER_CENT),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
             "beam_width",

@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
@@ -25,7 +26,9 @@ class ScanSkew(Effect):
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "width"
     identifiable_with: ClassVar[str] = "circles that travel across the whole width show it"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("across_s", "s", -0.05, 0.05, 0.008),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("across_s", "s", -0.05, 0.05, 0.008, title="across the panel"),
+    )
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
             "clock_drift",

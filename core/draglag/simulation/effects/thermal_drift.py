@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 
 
@@ -28,7 +29,7 @@ class ThermalDrift(Effect):
     identifiable_with: ClassVar[str] = (
         "taps before and after the runs separate a drifting clock from a creeping latency"
     )
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("creep_s_per_h", "s/h", -0.5, 0.5, 0.04),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("creep_s_per_h", "s/h", -0.5, 0.5, 0.04, title="creep"),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
             "clock_drift",

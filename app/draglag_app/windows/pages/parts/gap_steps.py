@@ -61,7 +61,10 @@ class StepTable(QTableWidget):
 
     def _add(self, k: int, step: dict[str, Any], compared: str) -> None:
         self.insertRow(k)
-        size = ", ".join(_size(key, value) for key, value in step["parameters"].items())
+        size = ", ".join(
+            size_words(step["effect"], key, value["value"], value.get("ci95"))
+            for key, value in step["parameters"].items()
+        )
         gap = f"{step['gap_before_mm']:.3f} → {step['gap_after_mm']:.3f} mm"
         texts = (names_words(step), stated(step["probability"]), in_words(step.get("where") or ""), size, gap)
         tips = {EFFECT: effect_meaning(step["effect"]), PROBABILITY: compared}
@@ -188,9 +191,3 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
 
 def _with_flags(runs: dict[str, str]) -> str:
     return ", ".join(f"{run} ({', '.join(map(flag_name, flags.split(', ')))})" for run, flags in runs.items())
-
-
-def _size(parameter: str, value: Any) -> str:
-    if not isinstance(value, dict):
-        return f"{parameter} {value}"
-    return size_words(parameter, value["value"], value.get("ci95"))

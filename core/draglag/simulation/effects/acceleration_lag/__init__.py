@@ -8,8 +8,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
 from draglag.simulation.effects.in_fits import FittedTerm, Theta
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
@@ -38,7 +39,9 @@ class AccelerationLag(Effect):
     unsure_share: ClassVar[float] = ACCEL_UNKNOWN
     needs: ClassVar[str] = "changing speed"
     identifiable_with: ClassVar[str] = "a chirp or step whose speed changes quickly"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lag_s_per_mm_s2", "s per mm/s²", -5e-05, 5e-05, 2e-06),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("lag_s_per_mm_s2", "s per mm/s²", -5e-05, 5e-05, 2e-06, title="lag"),
+    )
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(
             "lagging_law",

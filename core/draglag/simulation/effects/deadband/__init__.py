@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents, each_contact
+from draglag.simulation.effects.base import Confounder, Effect, TouchEvents, each_contact
+from draglag.simulation.effects.parameter import Parameter
 
 JUMP, BACKLASH, FUZZ = 0.0, 1.0, 2.0
 KINDS = {JUMP: "jump", BACKLASH: "backlash", FUZZ: "fuzz"}

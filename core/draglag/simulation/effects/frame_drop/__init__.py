@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Effect, Parameter, TouchEvents
+from draglag.simulation.effects.base import Effect, TouchEvents
+from draglag.simulation.effects.parameter import PER_CENT, Parameter
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class FrameDrop(Effect):
     in_measured_streams: ClassVar[bool] = True
     detected_by: ClassVar[str] = "draglag.simulation.effects.frame_drop.stream"
     detection_order: ClassVar[int] = 5
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", 0.0, 0.9, 0.1),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", 0.0, 0.9, 0.1, read_as=PER_CENT),)
     order: ClassVar[int] = 2
 
     def events(self, events: TouchEvents, rng: np.random.Generator) -> TouchEvents:

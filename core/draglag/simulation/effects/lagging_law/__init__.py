@@ -10,8 +10,9 @@ import numpy as np
 from draglag.path.motion import SPEED_TIMING_S
 from draglag.recording import FloatArray
 from draglag.simulation.effects.acceleration_lag import ACCEL_UNKNOWN
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
 from draglag.simulation.effects.in_fits import FittedTerm, Theta
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.law import USUAL_LATENCY_S
 from draglag.simulation.residual import LineGains, Signature, View, column

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Edges, Effect, Parameter
+from draglag.simulation.effects.base import Edges, Effect
+from draglag.simulation.effects.parameter import PER_CENT, Parameter
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class LaserBounce(Effect):
     detected_by: ClassVar[str] = "draglag.simulation.effects.laser_bounce.stream"
     detection_order: ClassVar[int] = 0
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("share", "1", 0.0, 1.0, 0.1),
+        Parameter("share", "1", 0.0, 1.0, 0.1, read_as=PER_CENT),
         Parameter("span_s", "s", 1e-05, 0.005, 0.001),
     )
     order: ClassVar[int] = 1

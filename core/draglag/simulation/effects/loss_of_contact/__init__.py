@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Effect, Parameter, TouchEvents
+from draglag.simulation.effects.base import Effect, TouchEvents
+from draglag.simulation.effects.parameter import Parameter
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class LossOfContact(Effect):
     detected_by: ClassVar[str] = "draglag.simulation.effects.loss_of_contact.stream"
     detection_order: ClassVar[int] = 7
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("losses_per_min", "1/min", 0.0, 120.0, 6.0),
+        Parameter("losses_per_min", "1/min", 0.0, 120.0, 6.0, title="losses"),
         Parameter("duration_s", "s", 0.02, 2.0, 0.15),
         Parameter("filled", "1", 0.0, 1.0, 1.0),
     )

@@ -10,8 +10,9 @@ import numpy as np
 
 from draglag.messages import message
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
 from draglag.simulation.effects.in_fits import Parameters
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 

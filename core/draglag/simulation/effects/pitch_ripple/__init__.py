@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Effect, Parameter
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.pitch_ripple.lattice import PITCHES_MM, Lattice, lattice_in
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View

@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents
+from draglag.simulation.effects.base import Confounder, Effect, TouchEvents
+from draglag.simulation.effects.parameter import Parameter
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class PollGrid(Effect):
     detection_order: ClassVar[int] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("period_s", "s", 1e-4, 0.05, 0.008),
-        Parameter("jitter_s", "s", 0.0, 1e-3, 4e-5),
+        Parameter("jitter_s", "s", 0.0, 1e-3, 4e-5, read_as=("µs", 1e6)),
     )
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents, each_contact
+from draglag.simulation.effects.base import Confounder, Effect, TouchEvents, each_contact
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.prediction.extrapolation import extrapolated
 from draglag.simulation.residual import LineGains, Signature, View, bent
 

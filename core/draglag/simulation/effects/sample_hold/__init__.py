@@ -8,7 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents
+from draglag.simulation.effects.base import Confounder, Effect, TouchEvents
+from draglag.simulation.effects.parameter import Parameter
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,9 @@ import numpy as np
 
 from draglag.messages import message
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.second_filter_mode.lateness import Lateness
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting
 from draglag.simulation.effects.second_filter_mode.skips import threshold_of_change

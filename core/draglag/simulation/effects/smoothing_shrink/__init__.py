@@ -9,8 +9,9 @@ import numpy as np
 from scipy.signal import filtfilt
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter
+from draglag.simulation.effects.base import Confounder, Effect
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.smoothing_shrink.sharpening import Setting, Sharpening
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, bent

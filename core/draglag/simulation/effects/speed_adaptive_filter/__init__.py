@@ -10,8 +10,9 @@ import numpy as np
 
 from draglag.path.events import first_of_contact
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents, each_contact
+from draglag.simulation.effects.base import Confounder, Effect, TouchEvents, each_contact
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
+from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     Setting,
     cut_off_hz,
@@ -53,8 +54,16 @@ class SpeedAdaptiveFilter(Effect):
     looks_like: ClassVar[tuple[str, ...]] = ("normal_acceleration", "direction_angle")
     parameters: ClassVar[tuple[Parameter, ...]] = (
         # Beyond them it is a low-pass whose cut-off hardly follows the speed, or none.
-        Parameter("fmin_hz", "Hz", 0.1, 5.0, USUAL.fmin_hz),
-        Parameter("beta_per_mm", "1/mm", 0.002, 0.2, USUAL.beta_per_mm),
+        Parameter("fmin_hz", "Hz", 0.1, 5.0, USUAL.fmin_hz, title="lowest cut-off"),
+        Parameter(
+            "beta_per_mm",
+            "1/mm",
+            0.002,
+            0.2,
+            USUAL.beta_per_mm,
+            title="rise of the cut-off",
+            read_as=("Hz/(mm/s)", 1.0),
+        ),
     )
     confounded_with: ClassVar[tuple[Confounder, ...]] = (
         Confounder(

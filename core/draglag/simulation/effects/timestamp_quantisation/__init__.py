@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Confounder, Effect, Parameter, TouchEvents
+from draglag.simulation.effects.base import Confounder, Effect, TouchEvents
+from draglag.simulation.effects.parameter import Parameter
 
 
 @dataclass(frozen=True)
