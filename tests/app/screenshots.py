@@ -87,7 +87,7 @@ def during_a_run(application: QApplication, folder: Path, out: Path) -> None:
     shoot(window, out / "window-recording.png")
     participant = window.space.recording.window
     if participant is not None:
-        participant.resize(960, 540)  # off screen there is little room beside the operator's window
+        participant.resize(960, 540)  # off screen there is little room next to the operator's window
         shoot(participant, out / "participant.png")
     manual_pictures.leave(application, window, wait)
 
@@ -188,7 +188,7 @@ def participant_states(out: Path) -> None:
 
 
 def participant(out: Path) -> None:
-    """What the participant is told before a practice run."""
+    """What the participant reads before a practice run."""
     screen = Screen("screen-1", 509.2, 286.4, 1920, 1080)
     window = ParticipantWindow(screen)
     window.resize(960, 540)

@@ -32,7 +32,7 @@ def of_role(rig, role):
 
 
 class Wrapped:
-    """A source that behaves like another until told otherwise."""
+    """A source that behaves like another until set otherwise."""
 
     def __init__(self, inner):
         self.inner = inner

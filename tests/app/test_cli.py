@@ -353,11 +353,11 @@ def test_a_full_disk_behind_the_output_is_one_sentence(tmp_path: Path) -> None:
 
 
 def test_help_of_simulate_lists_every_effect_with_a_size_that_it_takes() -> None:
-    told = CliRunner().invoke(cli, ["simulate", "--help"]).output
+    reported = CliRunner().invoke(cli, ["simulate", "--help"]).output
     for name, effect in EFFECTS.items():
-        assert f"  {name} " in told
+        assert f"  {name} " in reported
         assert parse_effect(f"{name}={effect.parameters[0].typical:g}").id == name
-    assert "pitch_mm 5 mm" in told
+    assert "pitch_mm 5 mm" in reported
 
 
 def test_validation_on_smoothed_edges_and_without_runs_that_went_wrong(tmp_path: Path) -> None:

@@ -184,10 +184,10 @@ def test_a_recording_in_which_nothing_was_touched_is_one_sentence_and_exit_1(sho
 
 
 def test_a_device_that_is_back_is_said_on_the_terminal(capsys):
-    tell = progress_printer()
-    tell(events.NoticeRaised(1.0, "error", "laser", "The laser sensor is lost.", "lost"))
-    tell(events.NoticeRaised(2.0, "info", "laser", "The laser sensor is back.", "back"))
-    tell(events.NoticeRaised(3.0, "info", "laser", "0.1 % of the cycles were disturbed."))
+    show = progress_printer()
+    show(events.NoticeRaised(1.0, "error", "laser", "The laser sensor is lost.", "lost"))
+    show(events.NoticeRaised(2.0, "info", "laser", "The laser sensor is back.", "back"))
+    show(events.NoticeRaised(3.0, "info", "laser", "0.1 % of the cycles were disturbed."))
     assert capsys.readouterr().err.splitlines() == [
         "laser: The laser sensor is lost.",
         "laser: The laser sensor is back.",

@@ -50,7 +50,7 @@ def recorder(panel, tmp_path: Path, protocol: str, *arguments: str) -> subproces
 
 @pytest.fixture(params=["walt", "ethercat"])
 def laser(request, pen):
-    """Arguments for ``record`` and where edges are played: the WALT's laser, or the field bus beside a WALT."""
+    """Arguments for ``record`` and where edges are played: the WALT's laser, or the field bus next to a WALT."""
     if request.param == "walt":
         yield ("--laser", f"serial:{pen.path}?role=laser"), {"walt": pen}
         return

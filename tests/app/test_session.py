@@ -97,8 +97,8 @@ def test_listeners_hear_each_run_in_order_and_of_all_samples(whole):
         np.testing.assert_array_equal(event.run.laser.t_s, run.laser.t_s)
         phases = [e.phase for e in whole.of(events.StateChanged) if e.run_id == run.id]
         assert phases == list(Phase)[1:]
-        told = [e for e in whole.of(events.SamplesArrived) if e.run_id == run.id and e.role == "touch"]
-        assert sum(e.count for e in told) == len(run.touch.t_s)
+        reported = [e for e in whole.of(events.SamplesArrived) if e.run_id == run.id and e.role == "touch"]
+        assert sum(e.count for e in reported) == len(run.touch.t_s)
     assert whole.events[-1] == events.SessionFinished(whole.path, "")
 
 

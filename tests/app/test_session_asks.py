@@ -27,7 +27,7 @@ def test_a_touchscreen_without_a_resolution_is_reported_the_size_of_the_panel(tm
     assert source.panel_mm == (SCREEN.width_mm, SCREEN.height_mm)
 
 
-def test_the_preflight_tells_it_too(monkeypatch, tmp_path):
+def test_the_preflight_reports_it_too(monkeypatch, tmp_path):
     rig = fast_rig()
     source = NeedsPanel(of_role(rig, "touch"))
     monkeypatch.setattr("draglag_app.preflight.make_rig", lambda *a, **k: replaced(rig, source))
@@ -126,7 +126,7 @@ def test_a_source_that_does_not_answer_does_not_hold_the_session(tmp_path, monke
 
 
 class RestWatch(OffscreenDisplay):
-    """Calls ``at_rest(number)`` when the participant is told to rest."""
+    """Calls ``at_rest(number)`` when the participant is asked to rest."""
 
     def __init__(self, at_rest):
         super().__init__()

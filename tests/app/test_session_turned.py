@@ -1,4 +1,4 @@
-"""A touchscreen that was turned after its calibration is told while the run goes on, and kept in the file."""
+"""A touchscreen that was turned after its calibration is reported while the run goes on, and kept in the file."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ class Turned(Wrapped):
         return replace(batch, touch=replace(touch, x_mm=x_mm, y_mm=y_mm))
 
 
-def told(recording):
+def reported(recording):
     return [event for event in recording.of(events.NoticeRaised) if "against the target" in event.text]
 
 
@@ -45,7 +45,7 @@ def test_a_mirrored_touchscreen_is_reported_with_the_remedy_before_the_run_ends(
     source = Turned(of_role(rig, "touch"), left_right, top_bottom)
     recording = Recording(protocol(180, duration_s=12.0), replaced(rig, source), tmp_path / "s.h5")
     assert recording.error is None
-    (notice,) = told(recording)
+    (notice,) = reported(recording)
     assert words in notice.text
     assert "calibrate the touchscreen again" in notice.text
     assert (notice.level, notice.source) == ("error", "touch")
@@ -59,7 +59,7 @@ def test_a_mirrored_touchscreen_is_reported_with_the_remedy_before_the_run_ends(
 def test_the_right_way_round_nothing_is_said(tmp_path):
     recording = Recording(protocol(60, 180, 900, duration_s=8.0), fast_rig(), tmp_path / "s.h5")
     assert recording.error is None
-    assert told(recording) == []
+    assert reported(recording) == []
 
 
 class Late(Turned):
@@ -84,6 +84,6 @@ def test_a_hand_that_comes_late_is_looked_at_again_and_reported_once(tmp_path):
         protocol(180, duration_s=16.0), replaced(rig, Late(of_role(rig, "touch"), True, True)), tmp_path / "s.h5"
     )
     assert recording.error is None
-    (notice,) = told(recording)
+    (notice,) = reported(recording)
     (run,) = read_session(recording.path).runs
     assert 4.0 < notice.t_s - run.start_s < 12.0

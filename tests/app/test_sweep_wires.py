@@ -108,7 +108,7 @@ def over_wires(folder: Path) -> tuple[World, np.ndarray]:
     world = World(seed=SEED, start_s=time.monotonic())
     screen = world.rig.screen
     coming = list(expand(load_protocol(folder / "sweep.toml"), screen, beam=world.rig.beam))
-    # The panel does not say how large it is: the session tells it.
+    # The panel does not say how large it is: the session gives it.
     size = {"width": round(screen.width_mm * UNITS_PER_MM), "height": round(screen.height_mm * UNITS_PER_MM)}
     with (
         live.LiveTouch(**size, resolution=0) as panel,
@@ -133,7 +133,7 @@ def over_wires(folder: Path) -> tuple[World, np.ndarray]:
                 world.begin_run(planned, shown["start_s"], planned.id)
                 play_laser(world.truth[-1], 0.0, segment=segment)
                 play_touch(panel, world.truth[-1], 0.0, units_per_mm=UNITS_PER_MM)
-            assert time.monotonic() < shown["start_s"], "this machine stood still: the hand was told too late"
+            assert time.monotonic() < shown["start_s"], "this machine stood still: the hand was informed too late"
         process.wait(PATIENCE_S)
         process.stdout.close()
         complaints.seek(0)

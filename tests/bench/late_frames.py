@@ -30,7 +30,7 @@ _RATE_HZ = 60.0
 _SHORT_S = 0.0005
 # The window's thread is busy that often, but seldom for longer than this.
 _LONG_S = 0.003
-_MOST_TOLD = 8
+_MOST_LISTED = 8
 _WATCHED = (
     (ParticipantWindow, "_tick", "frame"),
     (ParticipantWindow, "paintEvent", "frame drawn"),
@@ -44,7 +44,7 @@ _WATCHED = (
     (Saver, "_emit_pending", "writer: events"),
     (SessionWriter, "flush", "writer: flush"),
 )
-# Wakes for each slot of the same grid, and computes after some of them for as long as the live plots do. Tells, a line
+# Wakes for each slot of the same grid, and computes after some of them for as long as the live plots do. Prints, a line
 # each time, which slot it woke for and when, s after its start.
 _BARE = """
 import select, sys, time
@@ -82,8 +82,8 @@ class BareProcess:
 
     def end(self) -> tuple[list[float], int]:
         """How long after the slot's beginning it woke, s, each time; and how many slots it missed."""
-        told, _ = self._process.communicate("")
-        woken = [(int(slot), float(t_s)) for slot, t_s in (line.split() for line in told.splitlines())]
+        reported, _ = self._process.communicate("")
+        woken = [(int(slot), float(t_s)) for slot, t_s in (line.split() for line in reported.splitlines())]
         # A timer may wake a little early: that is not the slot before.
         slots = {max(slot, int(t_s * _RATE_HZ)) for slot, t_s in woken}
         late_s = [max(0.0, t_s - slot / _RATE_HZ) for slot, t_s in woken]
@@ -145,11 +145,11 @@ class LateFrames:
         if self._bare is not None:
             self._bare_s, self._bare_missed = self._bare.end()
 
-    def told(self) -> str:
+    def reported(self) -> str:
         """Every late frame with what went on before it, and how the machine kept time meanwhile."""
-        lines = self._late[:_MOST_TOLD]
-        if len(self._late) > _MOST_TOLD:
-            lines.append(f"  … and {len(self._late) - _MOST_TOLD} more")
+        lines = self._late[:_MOST_LISTED]
+        if len(self._late) > _MOST_LISTED:
+            lines.append(f"  … and {len(self._late) - _MOST_LISTED} more")
         if self._late:
             lines.append(
                 f"late frames before which the window's thread itself worked for longer than a slot: {self._own_work} "

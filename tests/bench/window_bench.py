@@ -142,7 +142,7 @@ def measure(duration_s: float) -> None:
         print(f"touch events saved: {len(run.touch.t_s)} in {run.duration_s:.0f} s; lost: {run.touch.dropped}")
         frames = 0 if run.display is None else len(run.display.t_s)
         print(f"frames drawn: {frames}; missed slots: {0 if run.display is None else run.display.missed} (bar: 0)")
-        print(late_frames.told())
+        print(late_frames.reported())
         print(f"CPU of the whole process: {100 * marks['cpu'] / marks['wall']:.1f} % of one core (bar: 15)")
         p50, p99 = np.percentile(late_ms, [50, 99])
         print(f"event loop late, p50 / p99 / max: {p50:.1f} / {p99:.1f} / {late_ms.max():.1f} ms (bar: p99 30)")

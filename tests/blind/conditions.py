@@ -25,7 +25,7 @@ LEAVES_NO_TRACE = frozenset({"frame_drop", "clock_offset", "contact_trail", "las
 
 
 def alike(name: str, taps_before: bool) -> frozenset[str]:
-    """Names that this kind of session cannot tell from `name`, itself among them."""
+    """Names that this kind of session cannot distinguish from `name`, itself among them."""
     classes: list[set[str]] = [{"scale_error", "beam_width"}, {"lagging_law", "acceleration_lag"}]
     if not taps_before:  # only taps at both ends show whose clock it was
         classes.append({"clock_drift", "thermal_drift"})
@@ -73,12 +73,12 @@ def sized(names: tuple[str, ...], scale: float, seed: int) -> dict[str, float]:
 
 
 def _drawn(rng: np.random.Generator, count: int) -> tuple[str, ...]:
-    """`count` effects that can all be told apart from each other."""
+    """`count` effects that can all be distinguished from each other."""
     free = [name for name in LIBRARY if name not in UNIDENTIFIABLE]
     while True:
         names = tuple(str(name) for name in rng.choice(free, count, replace=False))
         groups = [alike(name, taps_before=False) for name in names]
-        # Two ways of writing stamps anew do not compose into something either could be read off.
+        # Two ways of rewriting stamps do not compose into something either could be read off.
         stamps = sum(name in ("sample_hold", "frame_batching", "timestamp_quantisation") for name in names)
         if stamps < 2 and all(groups[i].isdisjoint(groups[j]) for i in range(count) for j in range(i)):
             return names

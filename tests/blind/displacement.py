@@ -13,7 +13,7 @@ from .physics.session import Truth, make_session
 from .visibility import TAP_PRECISION_S, law_columns, residuals
 
 OF_INTEREST_MM = 0.05
-FARTHEST_MM = 20.0  # an edge next to a hole in the trace says nothing of the effect
+FARTHEST_MM = 20.0  # an edge next to a hole in the trace shows nothing of the effect
 
 
 @dataclass(frozen=True)

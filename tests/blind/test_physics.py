@@ -39,7 +39,7 @@ def read(folder, run, stream):
 
 
 def shift_ms(truth, twin, chosen=lambda d: d["edge_s"] > -1, against=None):
-    """Latency ms that the effect adds at each edge where `chosen(details)`; with `against`, that detail beside it."""
+    """Latency ms that the effect adds at each edge where `chosen(details)`; with `against`, that detail next to it."""
     out = []
     before, after = residuals(twin, twin), residuals(truth, twin)
     for run, (r1, at1) in after.items():
@@ -76,9 +76,9 @@ def test_same_seed_same_bytes_and_truth_stays_outside(tmp_path):
     assert "truth.json" not in files
     for name in files:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-    told = (tmp_path / "a" / "session.json").read_text()
-    assert "clock_drift" not in told
-    assert json.loads(told)["format"] == "draglag-exchange"
+    reported = (tmp_path / "a" / "session.json").read_text()
+    assert "clock_drift" not in reported
+    assert json.loads(reported)["format"] == "draglag-exchange"
 
 
 def test_latency_effects_have_their_size(tmp_path, twin):

@@ -142,7 +142,7 @@ def children(process: int) -> list[int]:
 
 
 def segment_name(prefix: str) -> str:
-    """Unique to this process, so that test runs beside each other do not collide."""
+    """Unique to this process, so that concurrent test runs do not collide."""
     return f"{prefix}{os.getpid() % 100000}"
 
 

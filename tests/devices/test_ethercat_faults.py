@@ -181,7 +181,7 @@ def test_endurance_no_edge_is_lost_and_every_bad_cycle_is_accounted_for(segment:
             rec.read_past(start_ns + int(ENDURANCE_S * 1e9 * k / (cheats + 2)))
             segment.order("cheat", next=1)
         rec.read_past(start_ns + count * period_ns + 10 * MS)
-        # The last summary is told within a second.
+        # The last summary is reported within a second.
         rec.read_past(time.monotonic_ns() + 1100 * MS)
         true = rec.true_edges()
         judge(rec, true)

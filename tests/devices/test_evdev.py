@@ -58,9 +58,9 @@ def test_the_panel_size_wins_over_resolution_and_a_large_difference_is_reported(
     source.open()
     batches, touch = read(source, 1)
     assert touch.x_mm == pytest.approx([200.0])
-    told = [n.text for n in batches[0].notices]
-    assert len(told) == 1
-    assert "500.0 mm long by its resolution and 400.0 mm" in told[0]
+    reported = [n.text for n in batches[0].notices]
+    assert len(reported) == 1
+    assert "500.0 mm long by its resolution and 400.0 mm" in reported[0]
 
 
 def test_no_size_at_all_is_refused_and_a_panel_given_by_the_program_helps():
@@ -185,16 +185,16 @@ def test_exclusive_use_that_another_program_has_is_reported_once():
     device.grab_error = errno.EBUSY
     source, _ = touch_source(device, "?exclusive=1")
     source.open()
-    told = [n.text for _ in range(3) for n in source.read(0.1).notices]
-    assert told == ["The touchscreen is not used exclusively: another program holds it."]
+    reported = [n.text for _ in range(3) for n in source.read(0.1).notices]
+    assert reported == ["The touchscreen is not used exclusively: another program holds it."]
 
 
 def test_stamps_of_another_clock_are_reported_once():
     source, _ = touch_source(FakeDevice(down(1.7e9, 1, 5, 5), frame(1.7e9 + 1, (X, 6))))
     source.open()
-    told = [n.text for _ in range(2) for n in source.read(0.1).notices]
-    assert len(told) == 1
-    assert "not stamped on the host's monotonic clock" in told[0]
+    reported = [n.text for _ in range(2) for n in source.read(0.1).notices]
+    assert len(reported) == 1
+    assert "not stamped on the host's monotonic clock" in reported[0]
 
 
 @pytest.mark.parametrize(
@@ -228,7 +228,7 @@ def sysfs_device(root, number, *, name, abs_="0", properties="0", key="0"):
         (folder / file).write_text(text + "\n")
 
 
-def test_discovery_tells_touchscreens_from_touchpads_and_mice_without_rights(tmp_path, monkeypatch):
+def test_discovery_distinguishes_touchscreens_from_touchpads_and_mice_without_rights(tmp_path, monkeypatch):
     # Bitmaps as /proc/bus/input/devices shows them on real machines.
     sysfs_device(tmp_path, 10, name="Touchscreen", abs_="261800000000003", properties="2")
     sysfs_device(tmp_path, 2, name="Touchpad", abs_="2e0800000000003", properties="5")
@@ -295,8 +295,8 @@ def test_what_the_buffer_still_held_after_an_overflow_is_not_taken_for_the_new_c
     assert touch.dropped >= 1
     assert touch.gaps_s[0] == pytest.approx([99.0, 100.5])
     changes = [b.contacts for b in (first, *batches) if b.contacts is not None]
-    told = [(i, d) for c in changes for i, d in zip(c.contact_id.tolist(), c.down.tolist(), strict=True)]
-    assert told == [(7, 1), (7, 0), (8, 1)]
+    reported = [(i, d) for c in changes for i, d in zip(c.contact_id.tolist(), c.down.tolist(), strict=True)]
+    assert reported == [(7, 1), (7, 0), (8, 1)]
 
 
 def test_an_event_cut_in_two_by_a_read_is_whole_again(monkeypatch):
@@ -304,12 +304,12 @@ def test_an_event_cut_in_two_by_a_read_is_whole_again(monkeypatch):
     os.set_blocking(inlet, False)
     monkeypatch.setattr(evdev, "InputDevice", lambda path: Panel(inlet))
     device = kernel.KernelTouch("/dev/input/event5")
-    told = [(3, 250_000, ABS, X, 17), (3, 250_000, ABS, Y, -4), (3, 250_000, SYN, 0, 0)]
-    data = b"".join(struct.pack("llHHi", *event) for event in told)
+    reported = [(3, 250_000, ABS, X, 17), (3, 250_000, ABS, Y, -4), (3, 250_000, SYN, 0, 0)]
+    data = b"".join(struct.pack("llHHi", *event) for event in reported)
     read = []
     for piece in (data[:40], data[40:41], data[41:]):
         os.write(outlet, piece)
         read += device.events(0.0)
     device.close()
     os.close(outlet)
-    assert read == [InputEvent(3.25, *event[2:]) for event in told]
+    assert read == [InputEvent(3.25, *event[2:]) for event in reported]

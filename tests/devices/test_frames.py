@@ -1,4 +1,4 @@
-"""The decoder of kernel events, on small recordings with a known truth and on real ones where they lie beside."""
+"""The decoder of kernel events, on small recordings with a known truth and on real ones where they are at hand."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The simulated world: its sources tell exactly what happened in it, on clocks of their own."""
+"""The simulated world: its sources report exactly what happened in it, on clocks of their own."""
 
 import numpy as np
 import pytest

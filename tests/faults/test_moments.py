@@ -45,7 +45,7 @@ def look(folder: Path, done: int) -> Verdict:
 
 
 def done_by(calls: list[Call]) -> int:
-    """The last commit that the recording had been told is on the disk."""
+    """The last commit that was confirmed to the recording is on the disk."""
     return max((int(c.name.split()[1]) for c in calls if c.kind == "mark" and c.name.startswith("done")), default=-1)
 
 

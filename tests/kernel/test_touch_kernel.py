@@ -66,7 +66,7 @@ def test_an_overflow_of_the_kernels_buffer_is_marked_and_the_slots_are_right_aga
     part = seen["overflow"]
     got, after = part["seen"], part["after"]
     assert any("overflowed" in text for text in got["notices"])
-    # What the buffer still held is older than the slots; the loss is told with the next frame.
+    # What the buffer still held is older than the slots; the loss is reported with the next frame.
     assert got["dropped"] + after["dropped"] >= 1
     gaps = np.array(got["gaps"] + after["gaps"])
     assert gaps[:, 0].min() <= part["stalled_s"]

@@ -13,15 +13,15 @@ from draglag_app.windows.parts.ask_files import ask_new_folder, ask_open, ask_sa
 @pytest.fixture
 def answers(monkeypatch: pytest.MonkeyPatch) -> dict[str, Path | None]:
     """What the operator types, and where the dialog began."""
-    told: dict[str, Path | None] = {"typed": None, "started": None}
+    reported: dict[str, Path | None] = {"typed": None, "started": None}
 
     def pick(parent: None, title: str, start: Path, kind: str, mode: object, then: Callable) -> None:
-        told["started"] = start
-        if told["typed"] is not None:
-            then([told["typed"]])
+        reported["started"] = start
+        if reported["typed"] is not None:
+            then([reported["typed"]])
 
     monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", pick)
-    return told
+    return reported
 
 
 def test_a_dialog_begins_in_a_folder_that_is_there(tmp_path: Path, answers: dict[str, Path | None]) -> None:

@@ -164,11 +164,11 @@ class TestInTheWindow:
         calibrating = window.space.calibrating
         place = calibrating._place_mm
 
-        def beside() -> tuple[float, float]:
+        def off_target() -> tuple[float, float]:
             x_mm, y_mm = place()
             return x_mm + (12.0 if len(calibrating.touches.found) == 4 else 0.0), y_mm
 
-        monkeypatch.setattr(calibrating, "_place_mm", beside)
+        monkeypatch.setattr(calibrating, "_place_mm", off_target)
         calibrate(window, until)
         assert window.space.settings.panel.calibration is None
         assert "target 5 is off" in window.geometry_page.calibration.verdict.text()

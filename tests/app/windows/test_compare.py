@@ -1,4 +1,4 @@
-"""Curves of several sessions beside each other."""
+"""Curves of several sessions next to each other."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class TestCompare:
         page._add_present()
         page.add_files([session_file])
         until(lambda: page.table.rowCount() == 2)
-        # Two sessions of one name are told apart by their files.
+        # Two sessions of one name are distinguished by their files.
         assert page.table.item(1, 0).text().endswith(f"({session_file.name})")
         apart = next(columns for name, columns in page.apart.drawn.items() if name.startswith("2") and "95" not in name)
         assert np.abs(apart[1]).max() < 1e-9  # the same session twice

@@ -106,14 +106,14 @@ def test_a_session_ended_on_a_full_disk_keeps_what_was_saved(
         window.ask("start")
         question(qapp, window).end.click()
         wait_until(qapp, lambda: not window.space.recording.active and not window.space.tasks.running)
-    told = window.notice_text.text()
-    assert "No space left on device" in told
-    assert ".partial" in told
+    reported = window.notice_text.text()
+    assert "No space left on device" in reported
+    assert ".partial" in reported
     # What to do, not only what is wrong.
-    assert "Make room" in told
+    assert "Make room" in reported
     assert window.notice.property("level") == "error"
     # A new session can be begun, and nothing claims that this one was saved.
     assert window.record.buttons["start"].isVisibleTo(window)
-    assert "Saved" not in told
+    assert "Saved" not in reported
     (left,) = folder_of(window).glob("*.partial")
     assert len(read_session(left).runs) >= 1

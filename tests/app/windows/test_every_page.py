@@ -162,7 +162,7 @@ def test_nothing_stands_in_the_way_of_a_run(
     bridge, plot = window.space.bridge, window.record.live.trace
     gone = tmp_path / "gone" / "plot.png"
     monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", lambda *asked: asked[-1]([gone]))
-    told: list[str] = []
+    reported: list[str] = []
 
     def trouble(event: events.RunStarted) -> None:
         for source in ("touch", "laser", "file"):
@@ -170,14 +170,14 @@ def test_nothing_stands_in_the_way_of_a_run(
         bridge.device_fault.emit(events.DeviceFault("walt", "serial:/dev/ttyACM0", "it was unplugged", "plug it in"))
         window.start()
         plot._save_as("png")
-        told.append(window.notice_text.text())
+        reported.append(window.notice_text.text())
 
     bridge.run_started.connect(trouble)
     window.ask("start")
     until(lambda: window.space.session is not None and not window.space.tasks.running)
     assert asked == []
-    assert told
-    assert all("cannot be written" in text for text in told)
+    assert reported
+    assert all("cannot be written" in text for text in reported)
 
 
 def test_work_that_takes_its_time_shows_how_far_it_is_and_can_be_cancelled(qapp: QApplication, until: Callable) -> None:

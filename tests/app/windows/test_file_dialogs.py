@@ -1,4 +1,4 @@
-"""File dialogs stand in nobody's way: Esc on the participant's screen and the operator's keys work beside them."""
+"""File dialogs stand in nobody's way: Esc on the participant's screen and the operator's keys work meanwhile."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_escape_aborts_the_run_while_the_window_asks_whether_to_stop(running: Op
     assert ended == [True]
 
 
-def test_escape_aborts_the_run_while_the_dialog_tells_of_a_file_that_is_not_there(
+def test_escape_aborts_the_run_while_the_dialog_reports_a_file_that_is_not_there(
     running: OperatorWindow, until: Callable, tmp_path: Path
 ) -> None:
     running.pages["protocol"][1]._load()

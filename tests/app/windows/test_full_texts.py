@@ -1,4 +1,4 @@
-"""Nothing is cut off without telling the whole."""
+"""Nothing is cut off without showing the whole elsewhere."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_name_without_room_ends_in_dots_and_is_whole_in_its_tooltip(
     assert window.minimumSizeHint().width() <= 1280
 
 
-def test_a_label_tells_the_whole_as_soon_as_it_grows_narrow(qapp: QApplication) -> None:
+def test_a_label_shows_the_whole_as_tooltip_as_soon_as_it_grows_narrow(qapp: QApplication) -> None:
     words = ElidedLabel()
     words.resize(900, 30)
     words.setText(LONG)

@@ -150,7 +150,7 @@ class TestUndo:
         assert (undo.text(), undo.isEnabled(), redo.text()) == ("Undo", False, "Redo: copy runs")
         assert window.notice_text.text() == "Undone: copy runs"
         window.go("results")
-        assert window.notice_text.text() == ""  # what was only told is not told on every page
+        assert window.notice_text.text() == ""  # a remark is not shown on every page
         window.notify("warning", "look here")
         window.go("log")
         assert window.notice_text.text() == "look here"

@@ -142,14 +142,14 @@ def test_plots_wait_for_the_participants_frame(
 def test_a_frame_that_was_late_is_not_followed_by_a_plot_unless_all_are(
     view: LiveView, planned: PlannedRun, frames: Frames, until: Callable[[Callable[[], bool]], None]
 ) -> None:
-    told: list[int] = []
+    reported: list[int] = []
     asked: list[int] = []
-    view.drawing.connect(lambda: told.append(1))
+    view.drawing.connect(lambda: reported.append(1))
     frames.next_s = 0.004
     begin(view, planned)
     view._frame_drawn.timeout.connect(lambda: asked.append(1))
-    until(lambda: len(told) >= 3)
-    assert len(asked) >= 3 * len(told)  # it waited for other frames before each
+    until(lambda: len(reported) >= 3)
+    assert len(asked) >= 3 * len(reported)  # it waited for other frames before each
 
 
 def test_a_change_of_theme_recolours_the_run_that_goes_on(

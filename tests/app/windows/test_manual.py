@@ -16,7 +16,7 @@ from draglag_app.windows.wording.i18n import table_of
 from draglag_resources import resource
 
 
-def test_the_manual_tells_what_the_window_can_do_by_the_names_it_has_there(open_window: Callable) -> None:
+def test_the_manual_describes_what_the_window_can_do_by_the_names_it_has_there(open_window: Callable) -> None:
     window = open_window()
     there = {one.text() for one in window.findChildren(QPushButton)}
     named = {

@@ -151,7 +151,7 @@ class TestThreads:
         tasks.finish()
 
     def test_faults_become_sentences(self, qapp: QApplication, until: Callable) -> None:
-        tasks, told = Tasks(), []
+        tasks, reported = Tasks(), []
 
         def fails(progress: Progress) -> None:
             raise DataError("the file is gone", "find it")
@@ -160,13 +160,13 @@ class TestThreads:
             raise ZeroDivisionError("by nothing")
 
         for work in (fails, breaks):
-            tasks.start("Reading", work, lambda result: pytest.fail("no result"), told.append)
+            tasks.start("Reading", work, lambda result: pytest.fail("no result"), reported.append)
         until(lambda: not tasks.running)
-        assert told == [str(DataError("the file is gone", "find it")), "Reading: by nothing"]
+        assert reported == [str(DataError("the file is gone", "find it")), "Reading: by nothing"]
         tasks.finish()
 
     def test_cancelled_work_ends_at_its_next_step_and_says_nothing(self, qapp: QApplication, until: Callable) -> None:
-        tasks, told, begun, steps = Tasks(), [], threading.Event(), []
+        tasks, reported, begun, steps = Tasks(), [], threading.Event(), []
 
         def work(progress: Progress) -> None:
             begun.set()
@@ -174,11 +174,11 @@ class TestThreads:
                 progress(0.0, "")
                 steps.append(1)
 
-        task = tasks.start("x", work, told.append, told.append)
+        task = tasks.start("x", work, reported.append, reported.append)
         begun.wait()
         task.cancel()
         until(lambda: not tasks.running)
-        assert told == []
+        assert reported == []
         tasks.finish()
 
 

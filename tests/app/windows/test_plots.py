@@ -1,4 +1,4 @@
-"""What a plot says: axes that tell the truth, values under the mouse, files that are there or a sentence why not."""
+"""What a plot says: true axes, values under the mouse, files that are there or a sentence why not."""
 
 from __future__ import annotations
 
@@ -139,11 +139,11 @@ def test_what_cannot_be_saved_is_reported(
     path = tmp_path / "gone" / f"plot.{suffix}"
     with pytest.raises(DataError, match="cannot be written"):
         plot.save(path)
-    told: list[str] = []
+    reported: list[str] = []
     monkeypatch.setattr("draglag_app.windows.parts.ask_files.pick_files", lambda *asked: asked[-1]([path]))
-    monkeypatch.setattr(QMessageBox, "warning", lambda parent, title, text: told.append(text))
+    monkeypatch.setattr(QMessageBox, "warning", lambda parent, title, text: reported.append(text))
     plot._save_as(suffix)
-    assert os.fspath(path) in told[0]
+    assert os.fspath(path) in reported[0]
 
 
 def test_the_gap_plot_shows_gap_and_noise_floor(open_window: Callable) -> None:

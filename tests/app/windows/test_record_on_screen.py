@@ -66,7 +66,7 @@ def test_escape_aborts_the_run_and_the_session_goes_on(tmp_path: Path, escape: t
     assert asking.exec() == 7
 
 
-def test_the_bench_tells_a_touchscreen_the_size_of_the_panel(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bench_gives_a_touchscreen_the_size_of_the_panel(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = fast_rig()
     source = NeedsPanel(of_role(rig, "touch"))
     monkeypatch.setattr(bench, "make_rig", lambda *a, **k: Rig((source,), rig.stage))

@@ -43,7 +43,7 @@ def test_without_room_next_to_it_the_state_and_the_buttons_stay_in_sight() -> No
     assert place.width() > 400
 
 
-def assert_beside(window: QWidget, participant: QWidget, screen: QRect, before: QRect) -> None:
+def assert_next_to(window: QWidget, participant: QWidget, screen: QRect, before: QRect) -> None:
     expected, corner = places(screen, before, 286.4 / 509.2)
     assert window.pos() == corner
     assert expected.contains(participant.geometry())
@@ -56,7 +56,7 @@ def test_a_session_opens_the_display_where_it_leaves_the_most_in_sight(open_wind
     window.resize(740, 560)  # leaves room on the smallest screen that tests are drawn on
     screen, before = window.screen().availableGeometry(), window.frameGeometry()
     window.ask("start")
-    assert_beside(window, window.space.recording.window, screen, before)
+    assert_next_to(window, window.space.recording.window, screen, before)
     window.ask("stop")
 
 
@@ -64,5 +64,5 @@ def test_a_calibration_opens_it_there_too(open_window: Callable) -> None:
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
     screen, before = window.screen().availableGeometry(), window.frameGeometry()
     window.ask("calibrate")
-    assert_beside(window, window.space.calibrating.window, screen, before)
+    assert_next_to(window, window.space.calibrating.window, screen, before)
     window.ask("cancel")

@@ -63,7 +63,7 @@ def test_recording(recorded: OperatorWindow) -> None:
     assert recorded.stack.currentWidget() is recorded.pages["results"][1]
     assert path.name in recorded.header.session.text()
     assert "Saved" in recorded.notice_text.text()
-    # The log tells of every run, and hides it when only errors are asked for.
+    # The log lists every run, and hides it when only errors are asked for.
     log = recorded.pages["log"][1]
     texts = [log.table.item(row, 3).text() for row in range(log.table.rowCount())]
     assert sum("touch events" in text for text in texts) == N_RUNS

@@ -1,4 +1,4 @@
-"""One session on disk: the neutral exchange folder, and beside it, never inside, the truth."""
+"""One session on disk: the neutral exchange folder, and next to it, never inside, the truth."""
 
 import gzip
 import json

@@ -1,4 +1,4 @@
-"""An effect that a person adds to a gap report, and what the Gap page shows beside it."""
+"""An effect that a person adds to a gap report, and what the Gap page shows with it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_a_wrong_effect_is_added_but_not_said_to_help(session: Session, unnamed:
 def test_what_was_unexplained_is_not_explained_by_an_effect_that_closes_nothing(
     session: Session, unnamed: GapReport, cause: str
 ) -> None:
-    """Scatter, a law of another speed and stalls are told beside the finding: it being clean says nothing of them."""
+    """Scatter, a law of another speed and stalls are reported with the finding: a good one does not exclude them."""
     sound = add_by_hand(session, unnamed, "scan_skew")
     after = add_by_hand(session, replace(sound, verdict="unexplained", unexplained_by=cause), "beam_wedge")
     assert not after.steps[-1].evidence.endswith("shrinks")
@@ -67,11 +67,17 @@ def test_what_cannot_be_added_by_hand_is_refused(session: Session, unnamed: GapR
 
 
 def test_the_page_gets_report_overlay_and_model(session: Session, unnamed: GapReport) -> None:
-    told: list[float] = []
+    reported: list[float] = []
     got = close_gap_of(
-        session, frozenset(), ("scan_skew",), unnamed, None, frozenset(), lambda fraction, text: told.append(fraction)
+        session,
+        frozenset(),
+        ("scan_skew",),
+        unnamed,
+        None,
+        frozenset(),
+        lambda fraction, text: reported.append(fraction),
     )
-    assert told == sorted(told)
+    assert reported == sorted(reported)
     assert got["report"].steps[-1].effect == "scan_skew"  # type: ignore[attr-defined]
     assert LatencyModel.model_validate(got["model"]).effects[0].id == "scan_skew"
     before, after = got["overlay"]["models"]  # type: ignore[index]

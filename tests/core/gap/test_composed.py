@@ -56,7 +56,7 @@ def test_the_verbs_composed_reproduce_the_workflow(session: Session, before: Gap
 
 
 def test_a_model_of_another_session_is_fitted_again(before: Gap) -> None:
-    """Neither its edges nor its numbers are those of the session it is held against."""
+    """Neither its edges nor its numbers are those of the session it is compared with."""
     drifting = simulated("clock_drift=100")
     there = find(drifting, before.model)
     alone = find(drifting, Model())

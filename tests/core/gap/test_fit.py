@@ -93,7 +93,7 @@ def test_a_law_that_no_edge_can_be_placed_by_is_refused(plain: tuple[Session, Fi
 
 @pytest.mark.parametrize("skew_s", [0.02, 0.04])
 def test_edges_next_to_holes_in_the_trace_stop_no_search(skew_s: float) -> None:
-    """An edge that a step moves beside a hole may lie anywhere: one such edge used to refuse every step."""
+    """An edge that a step moves next to a hole may lie anywhere: one such edge used to refuse every step."""
     sound = read_exchange(Path(__file__).parents[2] / "data" / "exchange" / "none-A")
 
     def skewed(run: Run) -> Run:
@@ -119,7 +119,7 @@ def test_a_plateau_is_found_from_either_side() -> None:
     ]
     for fit in fits:
         se_mm_s = fit.covariance[5, 5] ** 0.5
-        # One run tells where the law begins to fall, at 0.27 ms a mm/s: its own latency (0.3 ms), its speed's 1 % too.
+        # One run gives where the law begins to fall, at 0.27 ms a mm/s: its own latency (0.3 ms), its speed's 1 % too.
         assert fit.law.plateau_mm_s == pytest.approx(150, abs=4 * (se_mm_s**2 + (0.3 / 0.27) ** 2 + 1.8**2) ** 0.5)
         assert se_mm_s < 5
 
@@ -135,7 +135,7 @@ def test_the_corner_of_a_plateau_is_rounded_by_less_than_a_speed_is_unsure() -> 
 
 
 def test_a_lagging_law_is_sized_by_the_speed_of_that_time() -> None:
-    """The interval holds it: of which moment a speed is, its windows tell to 10 ms and a fifth of the delay only."""
+    """The interval covers it: of which moment a speed is, its windows give to 10 ms and a fifth of the delay only."""
     session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("lagging_law=0.1")], seed=5)
     report = close_gap(session)
     (step,) = report.steps
@@ -150,7 +150,7 @@ def test_a_lagging_law_is_sized_by_the_speed_of_that_time() -> None:
 
 @pytest.mark.parametrize("seed", [7, 8])
 def test_an_interval_holds_a_drift_although_runs_scatter_more_than_noise_may(seed: int) -> None:
-    """Four times what the fit grants runs: then only the runs themselves tell how sure a drift is."""
+    """Four times what the fit grants runs: then only the runs themselves show how sure a drift is."""
     session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("clock_drift=30")], seed=seed)
     rng = np.random.default_rng(seed)
 

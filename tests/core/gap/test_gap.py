@@ -43,7 +43,7 @@ def test_a_sound_session_has_no_gap() -> None:
     assert report.steps == ()
     assert report.gap_last_mm is not None
     assert report.noise_floor_mm is not None
-    # 1,400 edges tell a level to 3 %, of noise whose sizes are tried in steps of two: its floor to some 10 %.
+    # 1,400 edges give a level to 3 %, of noise whose sizes are tried in steps of two: its floor to some 10 %.
     assert 0.85 * report.noise_floor_mm < report.gap_last_mm < 1.15 * report.noise_floor_mm
 
 
@@ -307,7 +307,7 @@ def test_runs_of_one_turn_that_are_later_are_left_unexplained() -> None:
         ("beam_width=-0.8", True, ("scale_error",)),
     ],
 )
-def test_what_the_session_cannot_tell_apart_is_named_with_the_run_that_would(
+def test_what_the_session_cannot_separate_is_named_with_the_run_that_would(
     effect: str, with_taps: bool, alike: tuple[str, ...]
 ) -> None:
     """Taps move with a latency that creeps and not with a clock that drifts; without them only both can be named."""

@@ -172,9 +172,9 @@ def test_chatter_that_no_run_shows_whole_is_reported_as_far_as_it_is_seen(sound:
     (found,), _ = inspect(with_chatter(quick, 5e-3))
     low, high = found.parameters["share"][1]
     assert low < 0.5 <= high
-    told = {name: float(value) for name, (value, _) in found.parameters.items()}
-    made = realise(ModelEffect(id=found.effect, parameters=told))
-    assert made == LaserBounce(told["share"], told["span_s"])
+    reported = {name: float(value) for name, (value, _) in found.parameters.items()}
+    made = realise(ModelEffect(id=found.effect, parameters=reported))
+    assert made == LaserBounce(reported["share"], reported["span_s"])
     # A model file without the share has a chatter of the usual share, not one of a share of so many seconds.
     assert realise(ModelEffect(id=found.effect, parameters={"span_s": 0.004})) == LaserBounce(0.1, 0.004)
 
@@ -292,15 +292,15 @@ def test_the_acceleration_behind_a_trace_that_it_warps_is_given_back(window_s: f
     t_s = np.arange(0, 12, 1e-3)
     rate, swing, lag = 2 * np.pi * 2.5, 30.0, 1e-5
     path_mm = 800 * t_s - swing / rate * np.cos(rate * t_s)
-    told = swing * rate * np.exp(-0.5 * (rate * window_s) ** 2)  # its amplitude, mm/s²
-    shown_s = t_s + 0.03 + lag * told * np.cos(rate * t_s)
+    reported = swing * rate * np.exp(-0.5 * (rate * window_s) ** 2)  # its amplitude, mm/s²
+    shown_s = t_s + 0.03 + lag * reported * np.cos(rate * t_s)
     grid_s = np.arange(0.5, 11.5, 0.004)
     speed = np.gradient(np.interp(grid_s, shown_s, path_mm), grid_s)
     run = SimpleNamespace(shown=Shown(grid_s, 0.004, speed, 0.05, 800.0))
     at_s = np.arange(2.0, 10.0, 0.013)
     edges = DewarpedKinematics((run,), np.zeros(at_s.size, int), at_s + 0.03)  # type: ignore[arg-type]
     accel, _ = edges.acceleration(lag, window_s)
-    truth = told * np.cos(rate * at_s)
+    truth = reported * np.cos(rate * at_s)
     raw, _ = edges.acceleration(0.0, window_s)
     assert np.std(raw - truth) > 0.5 * np.std(truth)
     # To first order: the acceleration moves an edge by up to 5 ms of the 64 ms in which it turns by one radian.

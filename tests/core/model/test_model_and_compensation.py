@@ -147,7 +147,7 @@ def circle_plan(speed_mm_s: float) -> RunPlan:
 def test_compensation_of_a_hand_brings_the_trace_to_the_stylus(
     screen: str, plan: RunPlan, least_lag_mm: float, most_mm: float
 ) -> None:
-    """The same hand on a screen without lag tells where the stylus was; positions there scatter by 0.15 mm an axis."""
+    """The same hand on a screen without lag shows where the stylus was; positions there scatter by 0.15 mm an axis."""
     rig = rig_for_screen(screen)
     protocol = Protocol(name="one", runs=(plan,))
     shown = simulate_session(rig, protocol, seed=11).runs[0].touch

@@ -74,13 +74,13 @@ def test_the_covariance_is_that_of_the_errors() -> None:
         errors.append((path.at(at_s) - circle(at_s)).T)
         scale = path.excess_error(at_s, t_s[[0, -1]])
         foretold.append(path.by_lag(np.abs(at_s[:, None] - at_s)) * scale[:, None] * scale)
-    seen, told = np.cov(np.concatenate(errors).T), np.mean(foretold, axis=0)
+    seen, reported = np.cov(np.concatenate(errors).T), np.mean(foretold, axis=0)
     # 300 values know a variance to 8 %. The end is far less certain than the middle.
-    assert np.diag(seen)[1:] == pytest.approx(np.diag(told)[1:], rel=0.35)
-    assert seen[0, 0] == pytest.approx(told[0, 0], rel=0.5)
-    assert told[0, 0] > 2 * told[1, 1]
-    assert seen[1, 2] / seen[1, 1] == pytest.approx(told[1, 2] / told[1, 1], abs=0.1)
-    assert abs(told[1, 4]) < 0.02 * told[1, 1]
+    assert np.diag(seen)[1:] == pytest.approx(np.diag(reported)[1:], rel=0.35)
+    assert seen[0, 0] == pytest.approx(reported[0, 0], rel=0.5)
+    assert reported[0, 0] > 2 * reported[1, 1]
+    assert seen[1, 2] / seen[1, 1] == pytest.approx(reported[1, 2] / reported[1, 1], abs=0.1)
+    assert abs(reported[1, 4]) < 0.02 * reported[1, 1]
 
 
 def test_tremor_is_seen_as_far_as_the_noise_allows() -> None:

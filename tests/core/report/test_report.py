@@ -1,4 +1,4 @@
-"""The report holds what was estimated, needs nothing beside itself and overwrites nothing."""
+"""The report holds what was estimated, needs no other file and overwrites nothing."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_drawings_bring_colours_for_a_dark_page_and_stay_whole(
         assert used <= set(re.findall(r"(--figure-\w+):#", light)) & set(re.findall(r"(--figure-\w+):#", dark))
         body = drawing[drawing.index("</style>") :]
         assert not re.search(r"#(?:ffffff|222222|000000|dddddd)", body)
-    # Beside the page they are ordinary drawings, for papers.
+    # Outside the page they are ordinary drawings, for papers.
     assert "var(" not in (tmp_path / "figures" / "latency.svg").read_text("utf-8")
 
 

@@ -54,12 +54,12 @@ def test_the_papers_own_gap_is_found_named_and_closed() -> None:
 
 
 def test_further_seeds_tell_how_often_the_intervals_of_table_2_hold() -> None:
-    told: list[float] = []
-    found = further_seeds(range(4, 8), lambda fraction, text: told.append(fraction))
+    reported: list[float] = []
+    found = further_seeds(range(4, 8), lambda fraction, text: reported.append(fraction))
     assert found is not None
     assert found.seeds == (4, 5, 6, 7)
-    assert told == sorted(told)
-    assert len(told) == 12
+    assert reported == sorted(reported)
+    assert len(reported) == 12
     assert found.judged + sum(4 - tally.judged for tally in found.tallies) == 4 * 15
     # Screen 2's first exponential has decayed before the slowest run that counts: never determined.
     never = {(tally.screen, tally.name) for tally in found.tallies if tally.judged == 0}

@@ -54,7 +54,7 @@ class Esc:
     _coming: tuple[int, int] | None = None  # (when, state) of a change under way
 
     def power_on(self, t_ns: int) -> None:
-        """All registers as after reset; the clock starts anew."""
+        """All registers as after reset; the clock starts from zero."""
         self.memory[:] = bytes(MEMORY_END)
         self.fmmus = ()
         self.powered_ns, self.trim_ns = t_ns, 0.0

@@ -47,7 +47,7 @@ class Panel:
         self.plain = {ABS_X: 0, ABS_Y: 0, BTN_TOUCH: 0}
         self.slots = [{TRACKING: -1, MT_X: 0, MT_Y: 0} for _ in range(slots)]
         self.current = 0
-        self.clock = 0  # CLOCK_REALTIME until told otherwise, as in the kernel
+        self.clock = 0  # CLOCK_REALTIME until set otherwise, as in the kernel
         self.grabbed = False
         self.grabbed_by_another = False
         self.grab_log = []

@@ -105,7 +105,7 @@ class WaltOnPty:
         return self._master >= 0
 
     def plug(self) -> None:
-        """Connect it; its clock starts anew, as after a loss of power."""
+        """Connect it; its clock starts from zero, as after a loss of power."""
         with self.lock:
             self._master, self._slave = pty.openpty()
             tty.setraw(self._slave)
