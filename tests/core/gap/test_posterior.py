@@ -15,6 +15,7 @@ from core import sound_sessions
 from draglag.gap import GapReport, close_gap, constants
 from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, remainder_rms_s
 from draglag.gap.fitting.model import LawParameters
+from draglag.gap.fitting.state import Term
 from draglag.gap.posterior.covariance import Noise, RunNoise
 from draglag.gap.posterior.levels import Levels, log_prior
 from draglag.gap.posterior.linear import Linear, normal
@@ -27,15 +28,18 @@ from draglag.simulation.effects import parse_effect
 LEVELS = Levels(edge_mm=0.1, late_s=0.0005)
 
 
-def linear(rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Member, ...]) -> Linear:
-    """A session of one run: a constant as its base, no tolerance."""
+def linear(
+    rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Member, ...], own: tuple[str, ...] = ()
+) -> Linear:
+    """A session of one run at a fit with ``own`` effects: a constant as its base, no tolerance."""
     n = residual_mm.size
     zero = np.zeros((n, n))
     lever = rng.uniform(50, 300, n)
     noise = RunNoise(np.arange(n), 0.01 * np.eye(n), zero, zero, np.zeros((n, 3)), 0.0, lever**2, zero)
     columns = np.column_stack([of_unit_rms(m.columns) for m in members])
     at = tuple(np.array([k]) for k in range(len(members)))
-    fit = cast("object", SimpleNamespace())
+    law = LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03)
+    fit = cast("object", SimpleNamespace(terms=tuple(map(Term, own)), law=law))
     return Linear(
         fit,
         members,
@@ -46,7 +50,7 @@ def linear(rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Mem
         at,
         Noise((noise,)),
         False,
-        LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03),
+        law,
         None,
         cast("object", SimpleNamespace()),
     )  # type: ignore[arg-type]
@@ -74,6 +78,22 @@ def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_mo
     assert found[0,].log_mass > found[()].log_mass > found[1,].log_mass
 
 
+def test_a_fit_s_own_effects_are_judged_there_although_others_look_more_probable() -> None:
+    """Undone in the traces, the columns of its own effects explain nothing more: others fill the beam before them."""
+    rng = np.random.default_rng(4)
+    own = ("scan_skew", "spatial_warp")
+    members = tuple(Member(name, (), rng.standard_normal((200, 1)), np.log(0.02)) for name in (*own, *"abcdefgh"))
+    others = np.column_stack([m.columns for m in members[2:]])
+    residual_mm = others @ rng.uniform(0.3, 0.5, 8) + 0.1 * rng.standard_normal(200)
+    judged = linear(rng, residual_mm, members, own)
+    search = searched(judged, (normal(judged, LEVELS),))
+    sets = [search.names(one) for one in search.explanations]
+    assert own in sets
+    assert any(set(own) < set(names) for names in sets)
+    without = linear(rng, residual_mm, members)
+    assert own not in [search.names(one) for one in searched(without, (normal(without, LEVELS),)).explanations]
+
+
 def test_the_size_of_a_member_is_that_of_its_share_of_the_residual() -> None:
     rng = np.random.default_rng(2)
     member = Member("one", (), rng.standard_normal((200, 1)), np.log(0.02))
@@ -81,6 +101,22 @@ def test_the_size_of_a_member_is_that_of_its_share_of_the_residual() -> None:
     search = searched(seen, (normal(seen, LEVELS),))
     assert search.names(search.best) == ("one",)
     assert sizes_mm(search, search.best)["one"] == pytest.approx(0.4, abs=4 * 0.15 / np.sqrt(200))
+
+
+def test_jumps_at_two_places_count_together() -> None:
+    """Each member has its column; the smaller one must not stand for both."""
+    rng = np.random.default_rng(5)
+    n = 400
+    first, second = rng.choice([-1.0, 1.0], (2, n))
+    members = tuple(
+        Member("?x:jump", (at,), column[:, None], np.log(0.02)) for at, column in ((1.0, first), (2.0, second))
+    )
+    residual_mm = 0.3 * first + 0.05 * second + 0.1 * rng.standard_normal(n)
+    found = linear(rng, residual_mm, members)
+    search = searched(found, (normal(found, LEVELS),))
+    assert search.names(search.best) == ("?x:jump", "?x:jump")
+    # Known to the noise of 0.14 mm over the root of 400.
+    assert sizes_mm(search, search.best)["?x:jump"] == pytest.approx(np.hypot(0.3, 0.05), abs=4 * 0.14 / np.sqrt(n))
 
 
 @pytest.mark.parametrize(("name", "left"), [("?x:offset", 0.3), ("named", 0.9)])

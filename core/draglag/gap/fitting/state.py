@@ -11,7 +11,7 @@ import numpy as np
 from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
 from draglag.gap.fitting.noise import timing_mm
 from draglag.gap.fitting.signatures import view_of
-from draglag.gap.traces.edges import Placed, place
+from draglag.gap.traces.edges import EXACT_S, FEW, Placed, place
 from draglag.gap.traces.law_speed import SpeedDelay
 from draglag.gap.traces.run_data import RunData
 from draglag.recording import FloatArray
@@ -20,7 +20,6 @@ from draglag.simulation.residual import Signature, View
 
 FREE = 1e-12  # precision of an effect's size: none
 ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
-FAR_S = 0.001  # moved by more, an edge lies where an effect of its place is another
 STRAYED_S = 0.005  # placed by so much more or less than the model at that place, it has not converged
 FAR_MM = 1.5  # an edge this uncertain decides nothing
 
@@ -46,6 +45,8 @@ def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray
 
 @dataclass(frozen=True)
 class State:
+    """stale: what effects add was evaluated where edges no longer lie."""
+
     law: LawParameters
     geometry: Geometry
     terms: tuple[Term, ...]
@@ -56,6 +57,7 @@ class State:
     design: FloatArray
     prior: FloatArray
     blur_mm: FloatArray
+    stale: bool
 
 
 def linearise(
@@ -73,10 +75,12 @@ def linearise(
     for term in terms:
         view = effect_class(term.effect).view_with(term.theta, view)
     signatures = tuple(term_signature(t, view) for t in terms)
+    stale = False
     if extra is not None:
         # The shift by which an edge was placed has to be the model's at its place; next to a hole it may lie anywhere.
-        strayed = np.abs(total(signatures, terms, view, "latency") - extra) > STRAYED_S
-        placed = replace(placed, ok=placed.ok & ~strayed)
+        off_s = np.abs(total(signatures, terms, view, "latency") - extra)
+        placed = replace(placed, ok=placed.ok & (off_s <= STRAYED_S))
+        stale = bool(np.count_nonzero(off_s[placed.ok] > EXACT_S) > FEW * off_s.size)
     residual = residual_mm(placed, geometry) - total(signatures, terms, view, "offset")
     columns = [s.columns(view) for s in signatures]
     design = np.column_stack([-base_columns(placed, law), *columns])
@@ -86,7 +90,7 @@ def linearise(
         for t, s, c in zip(terms, signatures, columns, strict=True)
     )
     blur = _blur_mm(settled, columns, view, placed)
-    return State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur)
+    return State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur, stale)
 
 
 @lru_cache(maxsize=2)
@@ -138,8 +142,7 @@ def stepped(
         terms.append(replace(t, sizes=sizes, theta=theta))
         n += k
     there = linearise(runs, law, geometry, terms, width_mm, state)
-    if terms and np.max(np.abs(there.placed.latency_s - state.placed.latency_s), initial=0) > FAR_S:
-        # What the terms add was evaluated where the edges had been.
+    if there.stale:
         there = linearise(runs, law, geometry, there.terms, width_mm, there)
     return there
 

@@ -16,7 +16,7 @@ from draglag.gap.posterior.left_out import freedom_nats
 from draglag.gap.posterior.levels import Levels
 from draglag.gap.posterior.linear import Linear, likeliest_levels, linearised, normal
 from draglag.gap.posterior.members import UNNAMED
-from draglag.gap.posterior.search import Explanation, Search, log_evidence, one_law, searched
+from draglag.gap.posterior.search import Explanation, Search, log_evidence, one_law, own_effects, searched
 
 Names = tuple[str, ...]
 IN_SPEED = f"{UNNAMED}speed:latency"
@@ -138,7 +138,8 @@ def _likely_levels(
     search = _searched(linear, tuple(out), without, most)
     best = _own_best(search)
     if best is not None and best.members:
-        levels = likeliest_levels(linear, best.members, best.scales_mm, next(iter(out)))
+        at_best = search.normals[int(np.argmax(log_evidence(search, best)))].levels
+        levels = likeliest_levels(linear, best.members, best.scales_mm, at_best)
         out |= dict.fromkeys(_and_sound(linear, levels))
     return tuple(out), search
 
@@ -162,7 +163,7 @@ def _searched(
 
 
 def _own_best(search: Search) -> Explanation | None:
-    inside = set(effects_in(search.linear.fit)) - set(effects_in_law(search.linear.fit))
+    inside = set(own_effects(search.linear.fit))
     own = [e for e in search.explanations if not inside or inside <= set(search.names(e))]
     return max(own, key=lambda e: e.log_mass, default=None)
 

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from draglag.gap import constants
+from draglag.gap.fitting.joint import Fit, effects_in, effects_in_law
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.posterior.levels import Levels
 from draglag.gap.posterior.linear import Linear, Normal
@@ -65,26 +66,40 @@ def searched(
     empty = Explanation(log_mass=float(logsumexp([n.base for n in normals])))
     found: dict[tuple[int, ...], Explanation] = {(): empty}
     joining, groups = Joining.of(linear.members), _of_one_width(linear, normals)
-    front = [empty]
     barred = np.array([m.name in without for m in linear.members])
-    for _ in range(constants.MOST_MEMBERS):
+
+    def with_one_more(front: Sequence[Explanation], allowed: np.ndarray) -> list[Explanation]:
         new: dict[tuple[int, ...], Explanation] = {}
         for explanation in front:
             inside = list(explanation.members)
-            usable = joining.with_all(inside) & ~barred
+            usable = joining.with_all(inside) & allowed
             if np.count_nonzero(joining.effect[inside]) >= most:
                 usable &= ~joining.effect
             for one in _extended(linear, normals, explanation, groups, usable):
                 old = new.get(one.members)
                 if old is None or one.log_mass > old.log_mass:
                     new[one.members] = one
-        ranked = sorted(new.values(), key=lambda e: -e.log_mass)
+        return sorted(new.values(), key=lambda e: -e.log_mass)
+
+    front, own = [empty], own_effects(linear.fit)
+    for name in own:  # sets without them are judged at other fits
+        ranked = with_one_more(front, np.array([m.name == name for m in linear.members]) & ~barred)
+        found |= {e.members: e for e in ranked}
+        front = _front(linear, ranked)
+    for _ in range(constants.MOST_MEMBERS - len(own)):
+        ranked = with_one_more(front, ~barred)
         found |= {e.members: e for e in ranked}
         front = _front(linear, ranked)
         best = max(e.log_mass for e in found.values())
         if not front or front[0].log_mass < best - constants.GIVEN_UP:
             break
     return Search(linear, normals, frozenset(without), most, tuple(found.values()))
+
+
+def own_effects(fit: Fit) -> tuple[str, ...]:
+    """Effects of the fit that its law does not hold: every set judged there has them."""
+    of_law = effects_in_law(fit)
+    return tuple(name for name in effects_in(fit) if name not in of_law)
 
 
 def _front(linear: Linear, ranked: list[Explanation]) -> list[Explanation]:
@@ -266,7 +281,10 @@ def log_evidence(search: Search, explanation: Explanation) -> FloatArray:
 
 
 def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
-    """Posterior mean RMS of each member at the likeliest levels; if unnamed, beyond Eq. 5 and a straight beam."""
+    """Posterior mean RMS of each name at the likeliest levels; if unnamed, beyond Eq. 5 and a straight beam.
+
+    Several members of one name, as jumps at several places, count together.
+    """
     linear = search.linear
     at, scale = columns_of(linear, explanation)
     if not at.size:
@@ -274,12 +292,12 @@ def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
     one = search.normals[int(np.argmax(log_evidence(search, explanation)))]
     information = one.gram[np.ix_(at, at)] + np.diag(scale**-2.0)
     mean = np.linalg.solve(information, one.moment[at])
-    out, k = {}, 0
+    moved: dict[str, FloatArray] = {}
+    k = 0
     for i in explanation.members:
-        own = linear.at[i]
-        moved = linear.columns[:, own] @ mean[k : k + own.size]
+        own, name = linear.at[i], linear.members[i].name
+        moved[name] = moved.get(name, 0.0) + linear.columns[:, own] @ mean[k : k + own.size]
         if not linear.members[i].named:
-            moved = moved - linear.model @ np.linalg.lstsq(linear.model, moved, rcond=None)[0]
-        out[linear.members[i].name] = float(np.sqrt(np.mean(moved**2)))
+            moved[name] = moved[name] - linear.model @ np.linalg.lstsq(linear.model, moved[name], rcond=None)[0]
         k += own.size
-    return out
+    return {name: float(np.sqrt(np.mean(each**2))) for name, each in moved.items()}

@@ -104,7 +104,7 @@ def _of_interest(pool: Pool, names: Names) -> Names:
         least_mm = open_mm.get(name.removeprefix(UNNAMED).partition(":")[0], 0.0) if name.startswith(UNNAMED) else 0.0
         if sizes.get(name, np.inf) >= max(constants.SIZE_OF_INTEREST_MM, least_mm):
             out.append(name)
-    return tuple(out)
+    return tuple(dict.fromkeys(out))
 
 
 def _leading_covariate(pool: Pool, names: Names) -> str:
@@ -123,6 +123,6 @@ def _tolerated(pool: Pool, names: Names) -> tuple[tuple[str, float, float], ...]
             min(pool.probability_of(name), constants.STATED_AT_MOST),
             sizes[name],
         )
-        for name in _without_form(names)
+        for name in dict.fromkeys(_without_form(names))
         if name not in kept and name in sizes
     )
