@@ -11,6 +11,7 @@ from draglag.curve import CurveFit, fit_best
 from draglag.errors import EstimateError
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.conduct import excluded_because, with_conduct
+from draglag.system.memory import release_freed_memory
 from draglag_app.session import events
 from draglag_app.windows.parts.tasks import Progress
 
@@ -114,7 +115,12 @@ class LiveEstimates(QObject):
         def failed(text: str) -> None:
             self._fitting = False
 
-        self._space.tasks.start(self.tr("Fitting"), lambda progress: curve_through(whole), done, failed)
+        def work(progress: Progress) -> CurveFit | None:
+            curve = curve_through(whole)
+            release_freed_memory()  # the run's arrays are freed by now, and nothing moves on the screen
+            return curve
+
+        self._space.tasks.start(self.tr("Fitting"), work, done, failed)
 
 
 def curve_through(known: list[RunEstimate]) -> CurveFit | None:
