@@ -69,8 +69,9 @@ IN_BUTTONS = {
     "See with draglag analyze why the others give none, or record circles at more speeds": QT_TRANSLATE_NOOP(
         "Library", "See on the page Results why the others give none, or record circles at more speeds"
     ),
-    "leave out --fast and speed=fast": QT_TRANSLATE_NOOP(
-        "Library", "on the page Bench, leave out Simulated time, as fast as possible, and speed=fast in the addresses"
+    "omit --fast and speed=fast": QT_TRANSLATE_NOOP(
+        "Library",
+        "on the page Bench, untick Simulated time, as fast as possible, and delete speed=fast from the addresses",
     ),
     "plug it in; draglag devices lists what is there": QT_TRANSLATE_NOOP(
         "Library", "plug it in; Look for devices, on the page Bench, lists what is there"
