@@ -38,7 +38,9 @@ def test_a_suspended_computer_is_said_in_the_window_and_flags_the_run(
     until(lambda: window.record._phase is Phase.RECORDING)
     asleep_s[0] = SLEPT_S
     until(lambda: bool(window.notice_text.text()))
-    assert window.notice_text.text().startswith("computer: the computer was suspended for 3600.0 s: nothing was recorded")
+    assert window.notice_text.text().startswith(
+        "computer: the computer was suspended for 3600.0 s: nothing was recorded"
+    )
     assert "record the run again" in window.notice_text.text()
     assert window.notice.property("level") == "error"
     assert window.notice.isVisible()
