@@ -14,7 +14,12 @@ import draglag_app
 import draglag_devices
 from draglag.errors import DraglagError
 from draglag.messages import Message
+from draglag_app.cli.main import COMMANDS
 
+_SHELL = re.compile(
+    rf"draglag (?:{'|'.join(COMMANDS)})\b|(?<![\w-])--[a-z]|\./run\b|"
+    r"\b(?:sudo|pip|apt|fuser|ip link|usermod|systemctl)\b"
+)
 PACKAGES = (draglag, draglag_devices, draglag_app)
 # Calls that take literal sentences, and at which places.
 _TAKE_LITERALS = {"DeviceError": (1, 2), "Refusal": (1, 2)}
@@ -74,6 +79,12 @@ def _sentence(node: ast.expr, file: str, made: bool) -> Iterator[Sentence]:
         yield Sentence(file, node.lineno, text)
     elif isinstance(node, ast.JoinedStr | ast.BinOp) or (made and not isinstance(node, ast.Constant)):
         yield Sentence(file, node.lineno, None)
+
+
+def shell_command(text: str) -> str:
+    """The first command or option for a terminal in a text; empty if there is none."""
+    found = _SHELL.search(text)
+    return "" if found is None else found[0]
 
 
 def texts_of_windows() -> set[str]:
