@@ -17,9 +17,9 @@ from draglag.protocol.runs import expand, first_target_after_s, load_protocol
 from draglag.recording import Screen
 from draglag.store import read_session
 from draglag_app.cli.record import session_options
+from draglag_app.preflight import Check
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_app.windows.pages import bench
-from draglag_app.windows.pages.bench import Checked
 from draglag_app.windows.session_dialog import SessionDialog
 from draglag_app.windows.settings import RigSettings, load_settings
 from draglag_app.windows.start import make_order, obstacles
@@ -103,8 +103,8 @@ def test_a_check_says_that_all_is_well_and_other_settings_leave_what_it_found(
     rig = {"touch": "evdev:/dev/input/event5", "laser": "ethercat:eth9", "display": "window"}
     window = open_window(rig=rig)
     window.space.set_protocol(load_protocol("quick"))
-    found = [Checked(role, "ready", "answers") for role in ("touch", "laser")]
-    monkeypatch.setattr(bench, "check_devices", lambda addresses, panel, progress: found)
+    found = [Check(role, "ok", "answers") for role in ("touch", "laser")]
+    monkeypatch.setattr(bench, "check_devices", lambda *asked: found)
     window.ask("check")
     until(lambda: "every instrument answers" in window.notice_text.text())
     window.space.change_settings(sound=True)
