@@ -14,11 +14,18 @@ import draglag_app
 import draglag_devices
 from draglag.errors import DraglagError
 from draglag.messages import Message
+from draglag_app.cli.main import COMMANDS
 
+_SHELL = re.compile(
+    rf"draglag (?:{'|'.join(COMMANDS)})\b|(?<![\w-])--[a-z]|\./run\b|"
+    r"\b(?:sudo|pip|apt|fuser|ip link|usermod|systemctl)\b"
+)
 PACKAGES = (draglag, draglag_devices, draglag_app)
 # Calls that take literal sentences, and at which places.
 _TAKE_LITERALS = {"DeviceError": (1, 2), "Refusal": (1, 2)}
 _MAKERS = {"message": (0,), "chained": (0,)}
+# Calls of the windows that translate a literal, and at which place.
+_MARKS = {"tr": 0, "translate": 1, "QT_TRANSLATE_NOOP": 1, "say": 1}
 
 
 @dataclass(frozen=True)
@@ -72,6 +79,29 @@ def _sentence(node: ast.expr, file: str, made: bool) -> Iterator[Sentence]:
         yield Sentence(file, node.lineno, text)
     elif isinstance(node, ast.JoinedStr | ast.BinOp) or (made and not isinstance(node, ast.Constant)):
         yield Sentence(file, node.lineno, None)
+
+
+def shell_command(text: str) -> str:
+    """The first command or option for a terminal in a text; empty if there is none."""
+    found = _SHELL.search(text)
+    return "" if found is None else found[0]
+
+
+def texts_of_windows() -> set[str]:
+    """Every string that the windows pass to a translating function."""
+    found = set()
+    for file in (Path(draglag_app.__file__).parent / "windows").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if not isinstance(node, ast.Call):
+                continue
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            place = _MARKS.get(name)
+            if place is None:
+                continue
+            for argument in node.args[min(place, len(node.args) - 1) :][:1]:
+                if isinstance(argument, ast.Constant) and isinstance(argument.value, str) and argument.value.strip():
+                    found.add(argument.value)
+    return found
 
 
 def example(template: str) -> Message:

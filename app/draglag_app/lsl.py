@@ -66,7 +66,7 @@ def _library() -> Any:
     except (OSError, RuntimeError) as error:
         raise DraglagError(
             message("the library of the Lab Streaming Layer cannot be loaded ({error})", error=error),
-            "Install liblsl, or leave out --lsl",
+            "Install liblsl, or omit --lsl",
         ) from error
 
 

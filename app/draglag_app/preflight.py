@@ -127,8 +127,10 @@ def _rig(addresses: Mapping[str, str], screen_name: str) -> tuple[Rig | None, Ch
 
 
 def _disk(folder: Path) -> Check:
+    folder = folder.absolute()
+    there = next((one for one in (folder, *folder.parents) if one.exists()), folder)  # the rest is made when needed
     try:
-        free = shutil.disk_usage(folder).free
+        free = shutil.disk_usage(there).free
     except OSError as error:
         return Check(
             "disk",

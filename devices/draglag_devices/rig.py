@@ -57,7 +57,7 @@ def _runs_fast(parsed: Mapping[str, Address], fast: bool | None) -> bool:
     hardware = [address.text for address in parsed.values() if address.scheme not in _SIMULATED]
     run_fast = "fast" in speeds.values()
     if run_fast and hardware:
-        raise DeviceError(hardware[0], "a real device cannot run faster than time", "leave out --fast and speed=fast")
+        raise DeviceError(hardware[0], "a real device cannot run faster than time", "omit --fast and speed=fast")
     if run_fast and "real" in speeds.values():
         slow = next(parsed[role].text for role, speed in speeds.items() if speed == "real")
         raise DeviceError(slow, "the other sources run fast and this one in real time", "give all the same speed")

@@ -160,3 +160,10 @@ def test_a_walt_on_a_wire_is_checked(tmp_path):
         result = run("--walt", f"serial:{pen.path}", "--seconds", 1)
         assert result.exit_code == 1
         assert "firmware 4" in result.stdout
+
+
+def test_a_folder_that_is_made_when_the_first_session_is_saved_is_no_fault(tmp_path):
+    (disk,) = [row for row in preflight({"touch": FAST}, watch_s=0.5, folder=tmp_path / "new" / "sessions")
+               if row.name == "disk"]  # fmt: skip
+    assert disk.state == "ok"
+    assert "GB free" in disk.measured

@@ -268,7 +268,10 @@ def test_many_disturbed_cycles_are_a_warning_at_once_and_then_one_in_ten_seconds
     ("state", "words"),
     [
         (None, "the network interface eth9 is gone: its adapter was unplugged or it was deleted"),
-        ((0, False), "the network interface eth9 was switched off (sudo ip link set eth9 up)"),
+        (
+            (0, False),
+            "the network interface eth9 was switched off (switch it on as administrator: sudo ip link set eth9 up)",
+        ),
         ((1, False), "the cable on eth9 is unplugged or the other end is off"),
         ((1, True), ""),
     ],

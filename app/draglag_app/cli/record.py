@@ -141,11 +141,11 @@ def calibrated(rig: Rig, touch: str, path: Path) -> TouchCalibration:
     fit, device = load_calibration(path)
     if "calibration" in parse_address(touch).options:
         raise DataError(
-            message("{touch}: the address brings a calibration of its own", touch=touch), "leave out one of the two"
+            message("{touch}: the address brings a calibration of its own", touch=touch), "give one of the two"
         )
     if not give_calibration(rig, as_mapping(fit), device, fit.rms_mm):
         raise DataError(
-            message("{touch}: only a touchscreen (evdev:…) takes a calibration", touch=touch), "leave out --calibration"
+            message("{touch}: only a touchscreen (evdev:…) takes a calibration", touch=touch), "omit --calibration"
         )
     return load_touches(path)
 

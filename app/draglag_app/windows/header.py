@@ -133,10 +133,12 @@ class Header(QFrame):
         self.simulated.setVisible(self._space.simulated)
         recording = self._space.recording
         if recording.active and recording.order is not None:
-            self.session.setText("● " + recording.order.out.name + _who(recording.order.options.details))
+            options = recording.order.options
+            self.session.setText("● " + recording.order.out.name + _about(options.screen.name, options.details))
         elif self._space.session is not None:
             file = f"  ({self._space.path.name})" if self._space.path else ""
-            self.session.setText(self._space.session.name + file + _who(self._space.session.details))
+            session = self._space.session
+            self.session.setText(session.name + file + _about(session.screen.name, session.details))
         else:
             self.session.setText(self.tr("No session"))
 
@@ -157,6 +159,8 @@ class Header(QFrame):
         restyle(self.disk, "alarm", "true" if free_bytes < _LOW_BYTES else "false")
 
 
-def _who(details: Mapping[str, str]) -> str:
+def _about(screen: str, details: Mapping[str, str]) -> str:
+    """Screen, then the details: those that every session has by their text alone, free fields with their name."""
     known = [details[name] for name in STANDARD if details.get(name)]
-    return "".join(f" · {text}" for text in known)
+    free = [f"{words.detail_name(name)}: {text}" for name, text in details.items() if name not in STANDARD and text]
+    return "".join(f" · {text}" for text in (screen, *known, *free))

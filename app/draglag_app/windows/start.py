@@ -52,13 +52,20 @@ def obstacles(space: Workspace) -> list[Obstacle]:
     if missing:
         devices = tr("{one} and {other}").format(one=missing[0], other=missing[1]) if missing[1:] else missing[0]
         short = tr("choose {devices}").format(devices=devices)
-        sentence = tr("No {devices} chosen: choose on the Bench page.").format(devices=devices)
+        sentence = tr(
+            "No {devices} chosen: press Look for devices on the page Bench, then choose from the lists."
+        ).format(devices=devices)
         found.append(Obstacle("bench", short, sentence, True))
     if protocol.taps is not None and not rig.walt and rig.addresses():
-        sentence = tr("The protocol has taps, but no WALT is chosen: taps would be skipped.")
+        sentence = tr(
+            "The protocol has taps, but no WALT is chosen: taps would be skipped. Choose it under WALT (taps) on the "
+            "page Bench."
+        )
         found.append(Obstacle("bench", tr("choose a WALT for the taps"), sentence, not protocol.runs))
     if not rig.addresses() and not found:
-        sentence = tr("No instruments are chosen: choose them on the Bench page.")
+        sentence = tr(
+            "No instruments are chosen: press Look for devices on the page Bench, then choose from the lists."
+        )
         found.append(Obstacle("bench", tr("choose the instruments"), sentence, True))
     turned = [Obstacle("geometry", tr("check the screen"), sentence) for sentence in _misplaced(space)]
     return found + turned

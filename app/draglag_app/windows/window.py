@@ -30,7 +30,7 @@ from draglag_app.windows.navigation import Navigation
 from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.one_monitor import OneMonitor
 from draglag_app.windows.pages import make_pages
-from draglag_app.windows.pages.bench import BenchPage, Checked
+from draglag_app.windows.pages.bench import BenchPage
 from draglag_app.windows.pages.geometry import GeometryPage
 from draglag_app.windows.pages.help import HelpPage
 from draglag_app.windows.pages.preferences import PreferencesPage
@@ -48,6 +48,7 @@ from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import obstacles
 from draglag_app.windows.steps import STEPS, StepGuide, steps_of
 from draglag_app.windows.titles import figure_source, window_title
+from draglag_app.windows.wording.check_words import Checked
 from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
 

@@ -52,7 +52,7 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
         return Found(address, ("laser",), message("EtherCAT bus on {name}, in use", name=name), False, remedy)
     install = f"{INSTALL} {name}"
     if seen["left_alone"] == NOT_ALLOWED:
-        remedy = message("install it again for this interface: {command}", command=install)
+        remedy = message("install it again for this interface, as administrator: {command}", command=install)
         return Found(address, ("laser",), _not_usable(name, NOT_ALLOWED), False, remedy)
     if seen["left_alone"]:
         remedy = message("to look there: draglag devices --probe {name}", name=name)
@@ -60,15 +60,24 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
         roles = ("laser",) if seen["left_alone"].startswith("has ") else ()
         return Found(address, roles, _not_usable(name, seen["left_alone"]), False, remedy)
     if not seen["up"]:
-        problem, remedy = message("switched off"), phrase(f"sudo ip link set {name} up")
+        problem, remedy = (
+            message("switched off"),
+            message("switch it on as administrator: {command}", command=f"sudo ip link set {name} up"),
+        )
     elif not seen["carrier"]:
         problem, remedy = message("no carrier"), message("plug in the cable, switch on the coupler")
     elif helper:
-        problem, remedy = phrase(helper), message("install the helper again: {command}", command=install)
+        problem, remedy = (
+            phrase(helper),
+            message("install the helper again, as administrator: {command}", command=install),
+        )
     elif not seen["rights"]:
         installed = any(launcher.exists() and not os.access(launcher, os.X_OK) for launcher in LAUNCHERS)
-        group = message("{command}, then log in again", command="sudo usermod -aG draglag $USER")
-        problem, remedy = message("no rights to look"), group if installed else phrase(install)
+        group = message("as administrator: {command}; then log in again", command="sudo usermod -aG draglag $USER")
+        problem, remedy = (
+            message("no rights to look"),
+            group if installed else message("install the helper once as administrator: {command}", command=install),
+        )
     else:
         problem = message("no EtherCAT device answers")
         remedy = message("plug the cable into the coupler's IN port, switch it on")

@@ -38,7 +38,7 @@ def check_interface(interface: str) -> None:
         raise Refusal(
             "down",
             message("the network interface {name} is switched off", name=interface),
-            message("run: {command}", command=f"sudo ip link set {interface} up"),
+            message("switch it on as administrator: {command}", command=f"sudo ip link set {interface} up"),
         )
     if not carrier:
         raise Refusal(
@@ -75,7 +75,11 @@ def link_trouble(interface: str) -> str:
         )
     if not flags & _IFF_UP:
         command = f"sudo ip link set {interface} up"
-        return message("the network interface {name} was switched off ({command})", name=interface, command=command)
+        return message(
+            "the network interface {name} was switched off (switch it on as administrator: {command})",
+            name=interface,
+            command=command,
+        )
     return "" if carrier else message("the cable on {name} is unplugged or the other end is off", name=interface)
 
 

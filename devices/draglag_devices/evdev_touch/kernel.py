@@ -33,7 +33,7 @@ from draglag.touch_events.names import event_names
 from draglag_devices.source import DeviceError
 
 RIGHTS_REMEDY = message(
-    "install the udev rules of draglag and plug it in again, or add yourself to the group input "
+    "as administrator, install the udev rules of draglag and plug it in again, or add yourself to the group input "
     "(sudo usermod -aG input $USER) and log out and in"
 )
 CLOCK_MONOTONIC = 1

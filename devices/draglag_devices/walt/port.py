@@ -15,7 +15,7 @@ from draglag_devices.source import DeviceError
 from draglag_devices.walt.protocol import BAUD
 
 RIGHTS_REMEDY = message(
-    "add yourself to the group that owns it (sudo usermod -aG dialout $USER), log out and in again, "
+    "as administrator, add yourself to the group that owns it (sudo usermod -aG dialout $USER), log out and in again, "
     "or install the udev rules of draglag"
 )
 _WRITE_TIMEOUT_S = 1.0

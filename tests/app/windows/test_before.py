@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import pytest
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
@@ -15,9 +17,9 @@ from draglag.protocol.runs import expand, first_target_after_s, load_protocol
 from draglag.recording import Screen
 from draglag.store import read_session
 from draglag_app.cli.record import session_options
+from draglag_app.preflight import Check
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_app.windows.pages import bench
-from draglag_app.windows.pages.bench import Checked
 from draglag_app.windows.session_dialog import SessionDialog
 from draglag_app.windows.settings import RigSettings, load_settings
 from draglag_app.windows.start import make_order, obstacles
@@ -101,8 +103,8 @@ def test_a_check_says_that_all_is_well_and_other_settings_leave_what_it_found(
     rig = {"touch": "evdev:/dev/input/event5", "laser": "ethercat:eth9", "display": "window"}
     window = open_window(rig=rig)
     window.space.set_protocol(load_protocol("quick"))
-    found = [Checked(role, "ready", "answers") for role in ("touch", "laser")]
-    monkeypatch.setattr(bench, "check_devices", lambda addresses, panel, progress: found)
+    found = [Check(role, "ok", "answers") for role in ("touch", "laser")]
+    monkeypatch.setattr(bench, "check_devices", lambda *asked: found)
     window.ask("check")
     until(lambda: "every instrument answers" in window.notice_text.text())
     window.space.change_settings(sound=True)
@@ -158,6 +160,42 @@ class TestDetails:
         kept, problem = load_settings(window.space.settings_file)
         assert not problem
         assert kept.details() == order.options.details
+
+    def test_all_of_it_ends_in_the_file_the_header_and_the_report(
+        self, open_window: Callable, until: Callable, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    ) -> None:
+        window = open_window()
+        protocol = window.space.protocol
+        window.space.set_protocol(protocol.model_copy(update={"runs": protocol.runs[:1], "taps": None}))
+        given = {"participant": "P07", "session": "morning 2", "operator": "Zoë", "hand": "left"}
+        dialog = self.dialog(window)
+        dialog.screen_box.setCurrentIndex(dialog.screen_box.findData("screen-2"))
+        dialog.more.click()
+        fields = (dialog.participant, dialog.session, dialog.operator, dialog.free[0][1])
+        for line, text in zip(fields, given.values(), strict=True):
+            line.insert(text)
+        dialog.free[0][0].insert("hand")
+        dialog.template.setText("{screen}_{participant}_{session}_{operator}_{hand}")
+        QTest.mouseClick(dialog.buttons.button(dialog.buttons.StandardButton.Ok), Qt.MouseButton.LeftButton)
+        in_header: list[str] = []
+        window.space.bridge.run_started.connect(lambda event: in_header.append(window.header.session.text()))
+        window.ask("start")
+        until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+        path = window.space.path
+        assert path.name == "screen-2_P07_morning_2_Zoë_left.h5"
+        with h5py.File(path) as file:
+            assert {name: value.decode() for name, value in file["details"].attrs.items()} == given
+            assert file["screen"].attrs["name"].decode() == "screen-2"
+        folder = tmp_path / "report"
+        monkeypatch.setattr("draglag_app.windows.files.ask_new_folder", lambda *asked: asked[-1](folder))
+        window.ask("report")
+        until((folder / "report.html").is_file)
+        until(lambda: not window.space.tasks.running)
+        report = re.sub("<[^>]*>", " ", (folder / "report.html").read_text("utf-8"))
+        for text in ("screen-2", *given.values()):
+            assert text in in_header[0].partition(" · ")[2]  # behind the file's name, while it is recorded
+            assert text in window.header.session.text().partition(" · ")[2]
+            assert text in report
 
     def test_a_template_that_cannot_be_is_refused_in_sight(self, open_window: Callable) -> None:
         window = open_window()

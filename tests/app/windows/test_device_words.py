@@ -59,11 +59,11 @@ def test_a_fault_is_dutch_in_both_its_halves(dutch: None) -> None:
     error = DeviceError(
         ADDRESS,
         message("the WALT was unplugged ({why})", why=phrase("No such device")),
-        message("install the helper again: {command}", command="sudo ./run install {name}"),
+        message("install the helper again, as administrator: {command}", command="sudo ./run install {name}"),
     )
     assert in_words(error.message) == (
-        f"{ADDRESS}: de WALT is losgekoppeld (geen apparaat meer); installeer het hulpprogramma opnieuw: "
-        "sudo ./run install {name}."
+        f"{ADDRESS}: de WALT is losgekoppeld (geen apparaat meer); installeer het hulpprogramma opnieuw, "
+        "als beheerder: sudo ./run install {name}."
     )
 
 
@@ -72,12 +72,12 @@ def test_several_faults_reported_together_are_all_translated(dutch: None) -> Non
     laser = DeviceError(
         "ethercat:eno1",
         message("the network interface {name} is switched off", name="eno1"),
-        message("run: {command}", command="sudo ip link set eno1 up"),
+        message("switch it on as administrator: {command}", command="sudo ip link set eno1 up"),
     )
     said = in_words(OpenFaults((touch, laser)).message)
     assert said == (
         f"{ADDRESS}: dit apparaat is er niet; sluit het aan; Apparaten zoeken toont wat er is. "
-        "ethercat:eno1: de netwerkinterface eno1 staat uit; voer uit: sudo ip link set eno1 up."
+        "ethercat:eno1: de netwerkinterface eno1 staat uit; zet hem aan als beheerder: sudo ip link set eno1 up."
     )
 
 
@@ -156,7 +156,7 @@ _LOOK = "voer om daar te zoeken ethercat:eno1 in als lasersensor en kies Opstell
             {"left_alone": NOT_ALLOWED},
             "",
             "netwerkinterface eno1: was niet toegestaan toen het EtherCAT-hulpprogramma werd geïnstalleerd",
-            f"installeer het opnieuw voor deze interface: {INSTALL} eno1",
+            f"installeer het opnieuw voor deze interface, als beheerder: {INSTALL} eno1",
         ),
         (
             {"slaves": 2, "kinds": [(2, 1), (2, 3)]},
@@ -169,7 +169,7 @@ _LOOK = "voer om daar te zoeken ethercat:eno1 in als lasersensor en kies Opstell
             {},
             message("the EtherCAT helper failed ({why})", why="exit 2"),
             "netwerkinterface eno1: het EtherCAT-hulpprogramma mislukte (exit 2)",
-            f"installeer het hulpprogramma opnieuw: {INSTALL} eno1",
+            f"installeer het hulpprogramma opnieuw, als beheerder: {INSTALL} eno1",
         ),
     ],
 )

@@ -187,7 +187,7 @@ def test_a_run_left_out_can_be_taken_in_by_the_same_button(opened: OperatorWindo
 def test_the_keyboard_comes_back_to_the_button_whose_work_is_done(
     open_window: Callable, until: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("draglag_app.windows.pages.bench._LOOK_S", 0.0)
+    monkeypatch.setattr("draglag_app.windows.pages.bench._WATCH_S", 0.0)
     window = open_window()
     to_front(window, until)
     window.go("bench")

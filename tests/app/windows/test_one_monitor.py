@@ -103,6 +103,68 @@ def test_a_rest_on_the_participants_screen_takes_a_note_by_touch_and_says_the_st
     assert "the beam was wiped" in notes_of(shared)
 
 
+def by_tab_to(window: QWidget, wanted: QWidget) -> None:
+    """Press Tab until that widget has the keyboard."""
+    for _ in range(40):
+        if QApplication.focusWidget() is wanted:
+            return
+        QTest.keyClick(QApplication.focusWidget() or window, Qt.Key.Key_Tab)
+    raise AssertionError("Tab does not lead there")
+
+
+def test_the_bar_of_a_rest_is_in_sight_and_served_by_the_keyboard_alone(
+    shared: OperatorWindow, until: Callable
+) -> None:
+    shared.ask("start")
+    participant = shared.space.recording.window
+    until(lambda: [one for one in participant.findChildren(QLineEdit) if one.isVisible()])
+    participant.activateWindow()  # as on a desktop that keeps the participant's window in front
+    until(participant.isActiveWindow)
+    line = named(participant, QLineEdit, "Note")
+    controls = [line, *(one for one in participant.findChildren(QPushButton) if one.isVisible())]
+    for control in controls:
+        by_tab_to(participant, control)
+        place = in_window(control)
+        assert participant.rect().contains(place)
+        assert not [one for one in controls if one is not control and in_window(one).intersects(place)]
+        assert control.visibleRegion().boundingRect() == control.rect()  # nothing lies over it
+    by_tab_to(participant, line)
+    QTest.keyClicks(line, "sleeve in the beam")
+    QTest.keyClick(line, Qt.Key.Key_Return)
+    assert line.text() == ""
+    by_tab_to(participant, named(participant, QPushButton, "Begin next run now"))
+    QTest.keyClick(QApplication.focusWidget(), Qt.Key.Key_Space)
+    until(lambda: not line.isVisible())
+    shared.ask("stop")
+    until(lambda: shared.space.session is not None and not shared.space.tasks.running)
+    assert "sleeve in the beam" in notes_of(shared)
+
+
+def test_next_to_a_docked_picture_the_note_is_in_sight_and_served_by_the_keyboard_alone(
+    open_window: Callable, until: Callable
+) -> None:
+    window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
+    short_runs(window, 60.0, 600.0)
+    window.setGeometry(window.screen().availableGeometry())
+    window.ask("start")
+    until(lambda: window.record._phase is Phase.RECORDING)
+    picture, note = window.space.recording.window, window.record.note
+    assert picture.window() is window
+    window.activateWindow()
+    until(window.isActiveWindow)
+    for reach in (lambda: by_tab_to(window, note), lambda: QTest.keyClick(picture, Qt.Key.Key_F4)):
+        picture.setFocus()
+        reach()
+        assert QApplication.focusWidget() is note
+        assert note.visibleRegion().boundingRect() == note.rect()
+    QTest.keyClicks(note, "slipped")
+    QTest.keyClick(note, Qt.Key.Key_Return)
+    assert "slipped" in note.placeholderText()
+    window.ask("stop")
+    until(lambda: window.space.session is not None and not window.space.tasks.running)
+    assert "slipped" in notes_of(window)
+
+
 def touch(widget: QWidget) -> None:
     """A finger on the middle of a widget."""
     device = QTest.createTouchDevice()

@@ -66,10 +66,11 @@ def test_escape_aborts_the_run_and_the_session_goes_on(tmp_path: Path, escape: t
     assert asking.exec() == 7
 
 
-def test_the_bench_gives_a_touchscreen_the_size_of_the_panel(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bench_gives_a_touchscreen_the_size_of_the_panel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     rig = fast_rig()
     source = NeedsPanel(of_role(rig, "touch"))
-    monkeypatch.setattr(bench, "make_rig", lambda *a, **k: Rig((source,), rig.stage))
-    (result,) = bench.check_devices({"touch": "evdev:x"}, PanelSettings(width_mm=301.0), lambda done, text: None)
-    assert result.state != "fault"
+    monkeypatch.setattr("draglag_app.preflight.make_rig", lambda *a, **k: Rig((source,), rig.stage))
+    panel = PanelSettings(width_mm=301.0)
+    found = bench.check_devices({"touch": "evdev:x"}, panel, tmp_path, lambda done, text: None)
+    assert [check.state for check in found if check.name == "touch"] == ["ok"]
     assert source.panel_mm == (301.0, load_screen("screen-1").height_mm)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from PySide6.QtWidgets import QApplication
@@ -81,6 +83,37 @@ def test_a_rest_says_first_how_long_it_lasts_and_last_what_buttons_say_too(
     window.ask("undo")
     until(lambda: "recorded again" not in window.record.small.text())
     assert window.space.recording.control.queued == ()
+    window.ask("stop")
+    until(lambda: not window.space.recording.active)
+
+
+def rest_left_s(window: OperatorWindow) -> int:
+    """What the line says is left of the rest."""
+    found = re.match(r"Rest (\d+):(\d\d)", window.record.small.text())
+    assert found, window.record.small.text()
+    return 60 * int(found[1]) + int(found[2])
+
+
+def test_a_rest_counts_down_with_the_time_left_in_the_session_below_the_verdict(
+    two_runs: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = two_runs
+    window.ask("start")
+    until(lambda: window.record._phase is Phase.COUNTDOWN)
+    window.ask("abort")
+    until(lambda: window.record.big.text() == "✕ aborted" and "Rest " in window.record.small.text())
+    now_s, drawn = [time.monotonic()], []
+    monkeypatch.setattr("draglag_app.windows.pages.record.time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    window.record.live.drawing.connect(lambda: drawn.append(now_s[0]))
+    until(lambda: bool(drawn))
+    before_s = rest_left_s(window), left_s(window)
+    assert before_s[0] < REST_S + 1
+    for after_s in (1.0, 7.0, 100.0):
+        now_s[0] = drawn[0] + after_s
+        until(lambda: drawn[-1] == now_s[0])
+        assert (rest_left_s(window), left_s(window)) == (before_s[0] - after_s, before_s[1] - after_s)
+        assert window.record.big.shown() == "✕ aborted"
+        assert window.record.big.fontMetrics().height() > 1.8 * window.record.small.fontMetrics().height()
     window.ask("stop")
     until(lambda: not window.space.recording.active)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import pickle
 import re
 from collections.abc import Callable
@@ -16,7 +15,6 @@ from PySide6.QtCore import QCoreApplication, QLibraryInfo
 from PySide6.QtGui import QKeySequence
 from PySide6.QtWidgets import QApplication
 
-import draglag_app.windows
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import FORMS
 from draglag.errors import DataError
@@ -43,26 +41,14 @@ from draglag_app.windows.wording.effect_words import (
 from draglag_app.windows.wording.gap_words import _FOLLOWS, headline, law_words
 from draglag_app.windows.wording.i18n import language_of, table_of, use_language
 from draglag_app.windows.wording.library_words import in_words
-from message_templates import example, has_words, sentences
+from message_templates import example, has_words, sentences, texts_of_windows
 
 LANGUAGES = ("nl",)
-_MARKS = {"tr": 0, "translate": 1, "QT_TRANSLATE_NOOP": 1, "say": 1}
 
 
 def texts() -> set[str]:
-    """Every string that the windows pass to a translating function."""
-    found = set()
-    for file in Path(draglag_app.windows.__file__).parent.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-            if not isinstance(node, ast.Call):
-                continue
-            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            place = _MARKS.get(name)
-            if place is None:
-                continue
-            for argument in node.args[min(place, len(node.args) - 1) :][:1]:
-                if isinstance(argument, ast.Constant) and isinstance(argument.value, str) and argument.value.strip():
-                    found.add(argument.value)
+    """Every string that the windows pass to a translating function, and what they show of the library's tables."""
+    found = texts_of_windows()
     found |= {form.title for form in FORMS.values()} | set(MEANING.values())
     found |= {effect.meaning for effect in EFFECTS.values()} | set(EFFECT_NAMES.values())
     found |= PARAMETER_NAMES

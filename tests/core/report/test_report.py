@@ -75,6 +75,16 @@ def test_the_page_shows_every_estimate_and_is_whole_in_one_file(
     assert all(source.startswith("data:image/") for source in page.sources)
 
 
+def test_the_page_names_screen_and_details_of_the_session(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
+    session, analysis = measured
+    details = {"participant": "P07", "session": "morning 2", "operator": "Zoë", "main_hand": "left"}
+    page = read_page(write_report(replace(session, details=details), analysis, tmp_path / "out"))
+    lines = [text.strip() for text in page.text if text.strip()]
+    assert f"Drag latency of {session.screen.name}" in lines
+    said = {name: lines[lines.index(name) + 1] for name in ("Participant", "Session", "Operator", "Main hand")}
+    assert list(said.values()) == list(details.values())
+
+
 def test_drawings_bring_colours_for_a_dark_page_and_stay_whole(
     tmp_path: Path, measured: tuple[Session, Analysis]
 ) -> None:

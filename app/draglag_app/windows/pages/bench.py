@@ -2,71 +2,47 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from html import escape
+from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QTextBrowser, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
-from draglag.messages import joined, phrase
+from draglag_app.preflight import Check, preflight
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.full_texts import whole_text, widen_list
-from draglag_app.windows.parts.tasks import Progress
+from draglag_app.windows.parts.tasks import Progress, Task
 from draglag_app.windows.parts.widgets import Light, Panel, Resting, button, label
 from draglag_app.windows.recording.session_thread import display_choices
 from draglag_app.windows.settings import PanelSettings
+from draglag_app.windows.wording.check_words import check_html, light_of, summary
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
 from draglag_devices.discovery import Found, discover
-from draglag_devices.rig import give_panel, make_rig
-from draglag_devices.source import Notice
+from draglag_devices.rig import make_rig
 
-_LOOK_S = 0.6
+# Drifts of clocks need longer; this is for whether all is in place.
+_WATCH_S = 3.0
 # As wide as a screen's name asks for, where there is room.
 _DISPLAY_PX = 380
 
 
-@dataclass(frozen=True)
-class Checked:
-    """A light's state and a sentence."""
-
-    role: str
-    state: str
-    text: str
-
-
-def check_devices(addresses: dict[str, str], panel: PanelSettings, progress: Progress) -> list[Checked]:
-    """Results of reading each device; faults are sentences, not exceptions."""
-    out = []
-    for k, (role, address) in enumerate(addresses.items()):
-        progress(k / len(addresses), address)
+def check_devices(addresses: dict[str, str], panel: PanelSettings, folder: Path, progress: Progress) -> list[Check]:
+    """Every check of the rig, as ``draglag check``; a wrong address is a fault of its device alone."""
+    wrong, usable = [], {}
+    for role, address in addresses.items():
         try:
-            source = make_rig({role: address}, panel.preset).sources[0]
-            give_panel([source], panel.screen())
-            info = source.open()
+            make_rig({role: address}, panel.preset)
+            usable[role] = address
         except DraglagError as error:
-            out.append(Checked(role, "fault", error.message))
-            continue
-        try:
-            seen, notices = 0, list[Notice]()
-            end_s = time.monotonic() + _LOOK_S
-            while time.monotonic() < end_s:
-                batch = source.read(0.1)
-                seen += 0 if batch.touch is None else len(batch.touch.t_s)
-                notices += batch.notices
-            state = "warning" if any(notice.level != "info" for notice in notices) else "ready"
-            said = [notice.text for notice in notices]
-            out.append(
-                Checked(role, state, joined(" · ", [phrase(info.description), phrase(info.clock), *map(phrase, said)]))
-            )
-        except DraglagError as error:
-            out.append(Checked(role, "fault", error.message))
-        finally:
-            source.close()
-    return out
+            wrong.append(Check(role, "fault", error.problem, remedy=error.remedy))
+    if not usable:
+        return wrong
+    found = preflight(usable, panel.screen(), panel.preset, _WATCH_S, folder, lambda share: progress(share, ""))
+    return [*found, *wrong]
 
 
 class BenchPage(QWidget):
@@ -79,6 +55,7 @@ class BenchPage(QWidget):
         super().__init__(parent)
         self._space = workspace
         self._found: list[Found] = []
+        self._checking: Task | None = None
         self._shown: dict[str, str] = {}  # role → the address that its light and its words are about
         outer = QVBoxLayout(self)
         outer.setContentsMargins(16, 16, 16, 16)
@@ -89,6 +66,7 @@ class BenchPage(QWidget):
         outer.addWidget(self._surroundings())
         outer.addWidget(self._others(), 1)
         workspace.settings_changed.connect(self.refresh)
+        workspace.tasks.changed.connect(self._tasks_changed)
         self.refresh()
 
     def _welcome(self) -> Panel:
@@ -167,7 +145,7 @@ class BenchPage(QWidget):
         return panel
 
     def _others(self) -> Panel:
-        panel = Panel(self.tr("On this computer"))
+        panel = self._findings = Panel(self.tr("On this computer"))
         self.list = QTextBrowser()
         self.list.setAccessibleName(self.tr("On this computer"))
         hint = self.tr("Look for devices lists what is here, and what to do where something is missing.")
@@ -242,6 +220,11 @@ class BenchPage(QWidget):
             state = "✓" if device.usable else "✕"
             line = f"<b>{state} {escape(device.address)}</b> &nbsp; {escape(in_words(device.description))}"
             rows.append(line + (f"<br>&nbsp;&nbsp;&nbsp;→ {escape(in_words(device.remedy))}" if device.remedy else ""))
+        self._list(self.tr("On this computer"), rows)
+
+    def _list(self, title: str, rows: list[str]) -> None:
+        self._findings.title.setText(title)
+        self.list.setAccessibleName(title)
         self.list.setHtml("<br>".join(rows))
 
     def check(self) -> None:
@@ -252,30 +235,35 @@ class BenchPage(QWidget):
             self._say(self.tr("There is nothing to check: choose the instruments first."))
             return
         self._resting.rest()
-        self._space.tasks.start(
+        if not self._space.settings.rig.simulated:  # nobody draws on a simulated one
+            self._space.noticed.emit("info", self.tr("Watching the rig: draw on the screen and through the beam."))
+        folder = Path(self._space.settings.folder)
+        self._checking = self._space.tasks.start(
             self.tr("Checking the rig"),
-            lambda progress: check_devices(addresses, panel, progress),
-            self._devices_checked,
-            self._check_failed,
+            lambda progress: check_devices(addresses, panel, folder, progress),
+            lambda checks: self._devices_checked(list(addresses), checks),
+            self._say,
         )
 
-    def _devices_checked(self, results: list[Checked]) -> None:
-        self._check_ended()
-        results = [replace(result, text=in_words(result.text)) for result in results]
+    def _devices_checked(self, roles: list[str], checks: list[Check]) -> None:
+        lights = [light_of(role, checks) for role in roles]
+        results = [replace(light, text=in_words(light.text)) for light in lights]
         for result in results:
             self.lights[result.role].set_state(result.state)
             self.words[result.role].setText(result.text)
+        self._list(self.tr("Check of the rig"), [check_html(check) for check in checks])
         self.checked.emit(results)
-        if all(result.state == "ready" for result in results):
-            self._space.noticed.emit("info", self.tr("Checked: every instrument answers."))
+        self._space.noticed.emit(*summary(checks))
 
-    def _check_ended(self) -> None:
+    def _tasks_changed(self) -> None:
+        """The check is over, by itself or cancelled."""
+        if self._checking is None or self._checking in self._space.tasks.running:
+            return
+        if self._checking.cancelled:
+            self._space.noticed.emit("", "")
+        self._checking = None
         self.check_button.setEnabled(True)
         self._resting.give_focus_back()
-
-    def _check_failed(self, text: str) -> None:
-        self._check_ended()
-        self._say(text)
 
     def _say(self, text: str) -> None:
         self._space.noticed.emit("warning", text)

@@ -18,7 +18,7 @@ from draglag_app.session import events
 from draglag_app.session.machine import Phase
 from draglag_app.session.options import COUNTDOWN_S
 from draglag_app.windows.bridge import Prompted
-from draglag_app.windows.pages.parts.between_runs import comes_again, rest_words, session_left, verdict_words
+from draglag_app.windows.pages.parts.between_runs import comes_again, in_rest_s, rest_words, session_left, verdict_words
 from draglag_app.windows.pages.parts.live_facts import LiveFacts
 from draglag_app.windows.pages.parts.run_table import RunTable
 from draglag_app.windows.pages.parts.state_band import StateBand, plain_row
@@ -61,7 +61,7 @@ class RecordPage(QWidget):
         self._outcome: tuple[str, str] | None = None
         self._missing: list[Obstacle] = []
         self._faults: list[str] = []
-        self._resting, self._rest_until_s, self._number = False, 0.0, 0
+        self._resting, self._rest_s, self._rest_until_s, self._number = False, 0.0, 0.0, 0
         self._ended: tuple[str, str] | None = None  # id and outcome of the run that ended last
         self.band = StateBand()
         self.band.pressed.connect(self._ask)
@@ -224,14 +224,15 @@ class RecordPage(QWidget):
         self._enable(resting=self._resting, running=event.kind == "tap")
 
     def _rest_began(self, event: events.Resting) -> None:
-        self._resting, self._rest_until_s = True, time.monotonic() + event.remaining_s
+        self._resting, self._rest_s = True, event.remaining_s
+        self._rest_until_s = time.monotonic() + event.remaining_s
         self._show_rest()
 
     def _show_rest(self) -> None:
         control, first = self._space.recording.control, not self.table.rowCount()
         again = control is not None and control.repeating and not first
         left_s = self._rest_until_s - time.monotonic()
-        session_s = self._space.recording.left_s(self._number)
+        session_s = in_rest_s(self._space.recording.left_s(self._number), self._rest_s, left_s)
         level, verdict, more = self._verdict()
         self.band.say(verdict or self.tr("Rest"), rest_words(left_s, session_s, first, again, more), level)
 

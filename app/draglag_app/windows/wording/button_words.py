@@ -69,8 +69,9 @@ IN_BUTTONS = {
     "See with draglag analyze why the others give none, or record circles at more speeds": QT_TRANSLATE_NOOP(
         "Library", "See on the page Results why the others give none, or record circles at more speeds"
     ),
-    "leave out --fast and speed=fast": QT_TRANSLATE_NOOP(
-        "Library", "on the page Bench, leave out Simulated time, as fast as possible, and speed=fast in the addresses"
+    "omit --fast and speed=fast": QT_TRANSLATE_NOOP(
+        "Library",
+        "on the page Bench, untick Simulated time, as fast as possible, and delete speed=fast from the addresses",
     ),
     "plug it in; draglag devices lists what is there": QT_TRANSLATE_NOOP(
         "Library", "plug it in; Look for devices, on the page Bench, lists what is there"
@@ -115,6 +116,25 @@ IN_BUTTONS = {
     "Save a model with --form double_exponential": QT_TRANSLATE_NOOP(
         "Library", "Choose the double exponential form on the page Results, then press Explain the gap again"
     ),
+    # Found by the check of the rig.
+    "make room, or save elsewhere": QT_TRANSLATE_NOOP(
+        "Library", "make room, or choose another folder for sessions on the page Preferences"
+    ),
+    "choose another folder": QT_TRANSLATE_NOOP("Library", "choose another folder for sessions on the page Preferences"),
+    "draw while checking": QT_TRANSLATE_NOOP(
+        "Library", "press Check the rig again, and draw on the screen while it is watched"
+    ),
+    "break the beam while checking": QT_TRANSLATE_NOOP(
+        "Library", "press Check the rig again, and move the stylus through the beam while it is watched"
+    ),
+    "measure the panel with a ruler, or calibrate": QT_TRANSLATE_NOOP(
+        "Library", "on the page Geometry, press Show the bar and lay a ruler on it, or press Calibrate"
+    ),
+    "close it (see: {command})": QT_TRANSLATE_NOOP(
+        "Library", "close it (another draglag, a terminal of the port), then press Check the rig"
+    ),
+    # Only who installed draglag can do it.
+    "run: {command}": QT_TRANSLATE_NOOP("Library", "ask the administrator who installed draglag to run: {command}"),
     # While an instrument is read.
     (
         "{name} sends events that are no touch ({axes}), and nothing is recorded of them. Choose "

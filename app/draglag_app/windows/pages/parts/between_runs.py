@@ -76,6 +76,11 @@ def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, m
     return " · ".join(parts)
 
 
+def in_rest_s(planned_s: float, rest_s: float, left_s: float) -> float:
+    """Time left in the session, of which the rest is planned whole; one that waits for a key (infinite) takes none."""
+    return max(0.0, planned_s - rest_s + max(0.0, left_s)) if math.isfinite(left_s) else planned_s
+
+
 def session_left(left_s: float) -> str:
     """Time left in the session."""
     return tr("{time} left in the session").format(time=words.duration(left_s))
