@@ -78,7 +78,7 @@ def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> 
 @click.option(
     "--form", type=click.Choice(["best", *FORMS]), default="best", show_default=True, help="Shape of the curve."
 )
-@click.option("--tie-asymptote", is_flag=True, help="Hold the asymptote at the median release tap.")
+@click.option("--tie-asymptote", is_flag=True, help="Fix the asymptote to the median release tap.")
 @click.option(
     "--window-ms",
     "window_ms",
@@ -91,9 +91,9 @@ def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> 
     "--include",
     multiple=True,
     metavar="RUN",
-    help="Take a run into the curve that is left out for how it went (aborted, …); may be repeated; all: every run.",
+    help="Include a run that is excluded for how it went (aborted, …); may be repeated; all: every run.",
 )
-@click.option("--exclude", multiple=True, metavar="RUN[=WHY]", help="Leave a run out of the curve; may be repeated.")
+@click.option("--exclude", multiple=True, metavar="RUN[=WHY]", help="Exclude a run from the curve; may be repeated.")
 @click.option("--save-model", type=click.Path(path_type=Path), metavar="FILE.json", help="Write the curve as a model.")
 @click.option(
     "--model",
@@ -157,9 +157,9 @@ def analyze(
     session = sessions[0]
     _refuse_early(session, bool(save), report, save_model)
     data, correction = _corrected(load_session(session), model_path)
-    left_out = {name: why or "left out by hand" for name, _, why in (text.partition("=") for text in exclude)}
-    refuse_unknown_runs(session, data, {*left_out, *include})
-    options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, left_out, include)
+    excluded = {name: why or "excluded by hand" for name, _, why in (text.partition("=") for text in exclude)}
+    refuse_unknown_runs(session, data, {*excluded, *include})
+    options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, excluded, include)
     with progress("Analysing") as done:
         analysis = analyze_session(data, options, done)
     result = analysis.to_dict()
@@ -230,7 +230,7 @@ def _options(
     form: str,
     tie_asymptote: bool,
     window_ms: tuple[float, float] | None,
-    left_out: dict[str, str],
+    excluded: dict[str, str],
     include: tuple[str, ...],
 ) -> AnalysisOptions:
     return AnalysisOptions(
@@ -239,7 +239,7 @@ def _options(
         window_s=(1e-3 * window_ms[0], 1e-3 * window_ms[1]) if window_ms else WINDOW_S,
         form=form,
         tie_asymptote=tie_asymptote,
-        exclude=left_out,
+        exclude=excluded,
         include=frozenset(include),
     )
 
@@ -302,7 +302,7 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
     if result["validation"]:
         blocks.append(_validation(result["validation"]))
     excluded = [f"{run}: {why}" for run, why in analysis.excluded.items()]
-    blocks += _listed("Not in the curve (--include RUN takes a run in)", excluded)
+    blocks += _listed("Not in the curve (--include RUN includes a run)", excluded)
     blocks += _listed("Warnings", analysis.warnings)
     return blocks + _listed("Not done", analysis.problems)
 

@@ -66,7 +66,7 @@ from draglag_app.cli.many import (
     "--include",
     multiple=True,
     metavar="RUN",
-    help="Take in a run that went wrong and is left out; may be repeated, or `all`.",
+    help="Include a run that is excluded for how it went; may be repeated, or `all`.",
 )
 @click.option(
     "--provisional",
