@@ -79,3 +79,13 @@ def test_record_fits_below_a_title_bar_without_scrolling(open_window: Callable, 
     assert button.isVisible()
     assert window.rect().contains(place)
     window.record.set_recording(False)
+
+
+def test_names_of_compared_sessions_keep_their_room(opened: OperatorWindow) -> None:
+    opened.go("compare")
+    named = {button.text(): button for button in opened.pages["compare"][1].findChildren(QPushButton)}
+    named["Add open session"].click()
+    at_size(opened, ENLARGED, "compare")
+    table = opened.pages["compare"][1].table
+    first = table.item(0, 0).text()[:10]
+    assert table.columnWidth(0) >= table.fontMetrics().horizontalAdvance(first)
