@@ -21,7 +21,7 @@ from draglag.shown import chance
 from draglag.store import read_session
 from draglag_app.windows.parts.ask_files import ask_open_several
 from draglag_app.windows.parts.tasks import Progress
-from draglag_app.windows.parts.theme import theme, wide
+from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import button, label, table
 from draglag_app.windows.plots.curve_plot import SYMBOLS, CurvePlot, speeds_of
 from draglag_app.windows.plots.plot import Plot, tr
@@ -31,8 +31,6 @@ from draglag_app.windows.workspace import Workspace
 SPEEDS_MM_S = (50.0, 100.0, 200.0, 400.0, 800.0)
 # Above the curves, of their height, so that the legend covers none of them.
 _FOR_LEGEND = 0.35
-# Of a column: in a narrow window numbers are scrolled to rather than leave no room for the sessions' names.
-_LEAST_PX = 96
 
 
 class ComparePage(QWidget):
@@ -71,7 +69,6 @@ class ComparePage(QWidget):
         titles = [self.tr("session"), self.tr("form"), *at_speeds, self.tr("RMS"), self.tr("differs")]
         self.table = table(titles, single=False)
         self.table.setAccessibleName(self.tr("Compare"))
-        self.table.horizontalHeader().setMinimumSectionSize(wide(_LEAST_PX))
         self.table.itemSelectionChanged.connect(self._chosen)
         outer.addWidget(self.table, 2)
         self.empty = label(self.tr("Add two or more sessions to see how their screens differ."), "hint")
