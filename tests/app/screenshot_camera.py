@@ -75,10 +75,11 @@ class Camera:
                 apply_theme(application, theme)
             for k in range(len(SIZES)):
                 screen = application.screens()[k]  # one that a dialog has asked for goes with the dialog, for Python
+                name = "-".join((theme, screen.name())) if len(themes) > 1 else screen.name()
                 window.setScreen(screen)
                 window.setGeometry(screen.geometry())
                 self._settle(window)
-                yield "-".join((theme, screen.name())) if len(themes) > 1 else screen.name()
+                yield name
 
     def _settle(self, window: QWidget) -> None:
         for _ in range(5):
