@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
+import pyqtgraph as pg
 import pytest
-from PySide6.QtCore import QPoint, QRect
+from PySide6.QtCore import QPoint, QPointF, QRect
 from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
 
 from draglag_app.windows.main import _AROUND_PX
 from draglag_app.windows.parts.page_stack import PageScroll
 from draglag_app.windows.plots.plot_frame import PlotFrame
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import use_language
 
 # What the screen has at each scaling, less a title bar.
 WHOLE, ENLARGED = (1280, 800 - _AROUND_PX[1]), (853, 533 - _AROUND_PX[1])
@@ -89,3 +92,27 @@ def test_names_of_compared_sessions_keep_their_room(opened: OperatorWindow) -> N
     table = opened.pages["compare"][1].table
     first = table.item(0, 0).text()[:6]
     assert table.columnWidth(0) >= table.fontMetrics().horizontalAdvance(first)
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_names_of_alternative_curves_cover_no_run(
+    open_window: Callable, qapp: QApplication, until: Callable, session_file: Path, language: str
+) -> None:
+    try:
+        window = open_window(language=language)
+        window.space.open(session_file)
+        until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+        at_size(window, (1280, 800), "results")
+        results = window.pages["results"][1]
+        results.show_alternatives.click()
+        until(lambda: not window.space.tasks.running and len(results.curve.legend.items) > 4)
+        qapp.processEvents()
+        item = results.curve.getPlotItem()
+        legend = results.curve.legend
+        covered = legend.mapRectToScene(legend.boundingRect()).adjusted(-6, -6, 6, 6)  # with half a point
+        runs = [one for one in item.items if isinstance(one, pg.ScatterPlotItem)]
+        places = [item.vb.mapViewToScene(QPointF(x, y)) for one in runs for x, y in zip(*one.getData(), strict=True)]
+        assert len(places) >= 6
+        assert [place for place in places if covered.contains(place)] == []
+    finally:
+        use_language(qapp, "en")
