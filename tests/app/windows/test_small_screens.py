@@ -8,7 +8,7 @@ from pathlib import Path
 import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import QPoint, QPointF, QRect
-from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTableWidgetItem, QWidget
 
 from draglag_app.windows.main import _AROUND_PX
 from draglag_app.windows.parts.page_stack import PageScroll
@@ -116,3 +116,18 @@ def test_names_of_alternative_curves_cover_no_run(
         assert [place for place in places if covered.contains(place)] == []
     finally:
         use_language(qapp, "en")
+
+
+@pytest.mark.parametrize("size", [ENLARGED, (960, 540 - _AROUND_PX[1]), WHOLE])
+def test_latency_and_verdict_of_a_run_are_in_sight_while_it_is_recorded(
+    open_window: Callable, size: tuple[int, int]
+) -> None:
+    window = open_window()
+    table = window.record.table
+    table.insertRow(0)
+    for column, text in enumerate(("run-12", "multi-sine", "1000", "134.3 ± 11.7 ms", "1248", "✓ good")):
+        table.setItem(0, column, QTableWidgetItem(text))
+    at_size(window, size, "record")
+    for column in (0, 3, 5):
+        assert table.columnWidth(column) >= table.sizeHintForColumn(column)
+        assert table.columnViewportPosition(column) + table.sizeHintForColumn(column) <= table.viewport().width()
