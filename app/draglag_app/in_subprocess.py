@@ -84,6 +84,7 @@ def close_gap_of(
 
     from draglag.gap import close_gap
     from draglag.gap.by_hand import add_by_hand
+    from draglag.gap.provisional import provisional_term
     from draglag.gap.replaying.extended import extended_model
     from draglag.gap.wording import drift_in_analysis
     from draglag.simulation.effects import EFFECTS
@@ -107,30 +108,25 @@ def close_gap_of(
             report = add_by_hand(session, report, effect)
     overlay, why = _overlay(session, report, part(0.55, 0.98))
     checksum = hashlib.sha256(path.read_bytes()).hexdigest() if path is not None and path.is_file() else ""
+    unnamed = provisional_term(report)
     model = extended_model(session, report, datetime.now(UTC).isoformat(timespec="seconds"), checksum)
     return {
         **report.to_dict(),
         "drift_in_analysis": drift_in_analysis(session, report),
         "overlay": overlay,
         "overlay_why": why,
-        "provisional": _provisional(report),
+        "provisional": None if unnamed is None else unnamed.to_dict(),
         "model": model.model_dump(mode="json"),
         "report": report,
     }
 
 
-def _provisional(report: Any) -> dict[str, object] | None:
-    from draglag.gap.provisional import provisional_term
-
-    found = provisional_term(report) if report.unexplained_by is not None else None
-    return None if found is None else found.to_dict()
-
-
 def write_gap_of(session: Any, report: Any, path: Any, progress: Progress) -> None:
-    """Write a gap report's page. Raises DataError."""
+    """Write a gap report's page, with the provisional term that the window shows. Raises DataError."""
+    from draglag.gap.provisional import provisional_term
     from draglag.report.gap import write_gap_report
 
-    write_gap_report(session, report, path, progress, None)
+    write_gap_report(session, report, path, progress, provisional_term(report))
 
 
 def _overlay(session: Any, report: Any, progress: Progress) -> tuple[Any, str]:

@@ -90,13 +90,15 @@ def recording(application: QApplication, settings: Settings, folder: Path, out: 
     leave(application, window, wait)
 
 
-def into_the_second_run(application: QApplication, window: OperatorWindow, wait: Wait) -> None:
-    """A recording, in real time, up to the midst of its second run."""
+def into_the_second_run(application: QApplication, window: OperatorWindow, wait: Wait, second_s: float = 9.0) -> None:
+    """A recording, in real time, up to the midst of its second run, which lasts for ``second_s``."""
     demo = load_protocol("demo")
     # So fast sideways that even these short runs travel far enough.
-    brief = {"speeds_mm_s": (425.0, 760.0), "duration_s": 9.0, "sideways_px_s": 60.0}
-    run = demo.runs[1].model_copy(update=brief)
-    short = {"runs": (run,), "taps": None, "clock_check": None, "rest_s": 1.0}
+    runs = tuple(
+        demo.runs[1].model_copy(update={"speeds_mm_s": (speed,), "duration_s": lasts_s, "sideways_px_s": 60.0})
+        for speed, lasts_s in ((425.0, 9.0), (760.0, second_s))
+    )
+    short = {"runs": runs, "shuffle": False, "taps": None, "clock_check": None, "rest_s": 1.0}
     window.space.set_protocol(demo.model_copy(update=short))
     window.start()
     wait(application, lambda: len(window.space.live.known) == 1, 60)

@@ -1,13 +1,14 @@
-"""Pictures of dialogs, and of the window at work or in trouble, in both themes."""
+"""Pictures of dialogs, and of the window at work or in trouble."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QEventLoop, QTimer
-from PySide6.QtWidgets import QApplication, QDialog, QWidget
+from PySide6.QtCore import QEvent
+from PySide6.QtWidgets import QApplication, QLineEdit, QMessageBox
 
+from app.screenshot_camera import Camera
 from draglag.errors import DataError
 from draglag.instruments.orientation import WORDS
 from draglag.messages import message
@@ -16,113 +17,111 @@ from draglag_app.session import events
 from draglag_app.session.place import elsewhere
 from draglag_app.windows import files
 from draglag_app.windows.leaving import sure_to_stop
-from draglag_app.windows.settings import RigSettings, Settings
+from draglag_app.windows.settings import Settings
 from draglag_app.windows.window import OperatorWindow
 from draglag_app.windows.wording.library_words import in_words
 from draglag_devices.source import DeviceError
 
-Shoot = Callable[[QWidget, Path], None]
-Wait = Callable[..., None]
 TOUCH = DeviceError(
     "evdev:/dev/input/by-id/usb-ILITEK_Multi-Touch-V3000-event",
     message("it was unplugged ({why})", why="No such device"),
     "plug it in again",
 )
+PARTIAL = Path("/home/lab/sessions/2026-11-21_152622_demo-screen-1.h5.partial")
+DETAILS = {"participant": "P07", "session_label": "2", "operator": "Zoë", "fields": {"handedness": "left"}}
 
 
-def _asked(ask: Callable[[], object], path: Path, shoot: Shoot) -> None:
-    """Let the window ask, take a picture of the question, and say no."""
-
-    waiting, looking = QEventLoop(), QTimer()
-    left = [200]
-
-    def answer() -> None:
-        box = QApplication.activeModalWidget()
-        left[0] -= 1
-        if isinstance(box, QDialog):
-            looking.stop()
-            shoot(box, path)
-            box.reject()
-            waiting.quit()
-        elif not left[0]:
-            looking.stop()
-            waiting.quit()
-
-    looking.timeout.connect(answer)
-    looking.start(100)  # on a busy computer a dialog takes its time
-    ask()
-    if looking.isActive():
-        waiting.exec()  # a dialog that is only shown is answered here
-    if not path.exists():
-        raise SystemExit(f"nothing was asked for {path.name}")
-
-
-def questions(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> None:
-    """A rig without a WALT and with a broken touchscreen, a run to exclude, a crash's leftovers, leaving."""
-    whole = window.space.settings.rig
-    window.space.change_settings(rig=whole.model_copy(update={"walt": ""}))
+def questions(window: OperatorWindow, camera: Camera) -> None:
+    """A session's details, a rig without a WALT and with a broken touchscreen, a run to exclude, a crash, leaving."""
+    window.go("record")
+    whole = window.space.settings
+    window.space.change_settings(**DETAILS)
+    camera.take_asked(window, "ask-details", window.ask_details)
+    window.space.change_settings(**{name: getattr(whole, name) for name in DETAILS})
+    window.space.change_settings(rig=whole.rig.model_copy(update={"walt": ""}))
     window.header.set_light("touch", "fault", in_words(TOUCH.message))
-    _asked(window.start, out / f"ask-start-{theme}.png", shoot)
-    window.space.change_settings(rig=whole)
+    camera.take_asked(window, "ask-start", window.start)
+    window.space.change_settings(rig=whole.rig)
     results = window.pages["results"][1]
     window.go("results")
     results.table.selectRow(2)
-    _asked(results.exclude_button.click, out / f"ask-exclude-{theme}.png", shoot)
-    partial = Path(window.space.settings.folder) / "2026-11-02_101500_latency-sweep-screen-1.h5.partial"
-    partial.write_bytes(b"")
-    _asked(lambda: files.offer_salvage(window), out / f"ask-salvage-{theme}.png", shoot)
-    partial.unlink()
-    _asked(lambda: sure_to_stop(window), out / f"ask-close-{theme}.png", shoot)
+    camera.take_asked(window, "ask-exclude", results.exclude_button.click)
+    left = Path(whole.folder) / PARTIAL.name
+    left.write_bytes(b"")
+    camera.take_asked(window, "ask-salvage", lambda: files.offer_salvage(window))
+    left.unlink()
+    camera.take_asked(window, "ask-close", lambda: sure_to_stop(window))
 
 
-def troubles(window: OperatorWindow, theme: str, out: Path, shoot: Shoot) -> None:
+def troubles(application: QApplication, window: OperatorWindow, camera: Camera) -> Iterator[str]:
     """Notices: a lost device, a turned panel, a full disk."""
     bridge = window.space.bridge
     window.go("record")
     bridge.device_fault.emit(events.DeviceFault("touch", TOUCH.source, TOUCH.problem, TOUCH.remedy))
-    shoot(window, out / f"trouble-lost-{theme}.png")
+    yield "trouble-lost"
     turned = message(
         "The touches are {how} against the target: screen or touchscreen was turned after the calibration. "
         "Stop, calibrate the touchscreen again, and start again.",
         how=WORDS["turned"],
     )
     bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "touch", turned))
-    shoot(window, out / f"trouble-turned-{theme}.png")
-    partial = Path("/home/lab/sessions/2026-11-21_152622_demo-screen-1.h5.partial")
-    full = DataError(message("{path}: cannot be written ({why})", path=partial, why="No space left on device"))
-    bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "file", elsewhere(full, partial).message))
-    shoot(window, out / f"trouble-disk-{theme}.png")
+    yield "trouble-turned"
+    full = DataError(message("{path}: cannot be written ({why})", path=PARTIAL, why="No space left on device"))
+    bridge.notice_raised.emit(events.NoticeRaised(0.0, "error", "file", elsewhere(full, PARTIAL).message))
+    yield "trouble-disk"
     window.notify("", "")
 
 
-def under_way(
-    application: QApplication, folder: Path, theme: str, language: str, out: Path, shoot: Shoot, wait: Wait
-) -> None:
-    """A rest between runs, in which one may be repeated and a note written; a calibration."""
-    rig = RigSettings(touch="sim:", laser="sim:", walt="sim:", fast=False, display="offscreen")
-    settings = Settings(
-        first_start=False, folder=str(folder / theme), protocol="demo", rig=rig, theme=theme, language=language
-    )
-    window = OperatorWindow(settings, folder / f"{theme}.toml")
-    window.use_theme(theme)
-    demo = load_protocol("demo")
-    short = demo.runs[1].model_copy(update={"speeds_mm_s": (425.0, 760.0), "duration_s": 2.0})
-    window.space.set_protocol(
-        demo.model_copy(update={"runs": (short,), "taps": None, "clock_check": None, "rest_s": 60.0})
-    )
-    window.show()
+def in_a_rest(application: QApplication, settings: Settings, folder: Path, camera: Camera) -> None:
+    """A calibration; then a rest between runs, in which one may be repeated and a note written."""
+    window = _with_long_rests(settings, folder, "offscreen")
     window.ask("calibrate")
-    wait(application, lambda: len(window.space.calibrating.touches.found) >= 2)
-    shoot(window, out / f"calibrating-{theme}.png")
+    camera.wait(application, lambda: len(window.space.calibrating.touches.found) >= 2)
+    camera.take(window, "calibrating")
     window.space.calibrating.cancel()
     window.start()
     verdicts = ("good", "warning", "bad")
-    wait(application, lambda: window.record.big.property("level") in verdicts and not window.space.live.preliminary)
+    camera.wait(
+        application, lambda: window.record.big.property("level") in verdicts and not window.space.live.preliminary
+    )
     window.ask("note")
     window.record.note.setText("stylus tip changed after this run")
-    shoot(window, out / f"resting-{theme}.png")
+    camera.take(window, "resting")
+    _leave(application, window, camera)
+
+
+def on_one_monitor(application: QApplication, settings: Settings, folder: Path, camera: Camera) -> None:
+    """The participant's screen in a rest, where it is the operator's too."""
+    window = _with_long_rests(settings, folder, "screen 1")
+    screen = application.screens()[0]
+    window.setScreen(screen)
+    window.setGeometry(screen.geometry())
+    asked, QMessageBox.question = QMessageBox.question, lambda *asked, **more: QMessageBox.StandardButton.Yes
+    window.start()  # although that screen has not the panel's shape
+    QMessageBox.question = asked
+    participant = window.space.recording.window
+    camera.wait(application, lambda: any(line.isVisible() for line in participant.findChildren(QLineEdit)))
+    camera.take(participant, "one-monitor-rest")
+    _leave(application, window, camera)
+
+
+def _with_long_rests(settings: Settings, folder: Path, display: str) -> OperatorWindow:
+    rig = settings.rig.model_copy(update={"fast": False, "display": display})
+    window = OperatorWindow(
+        settings.model_copy(update={"rig": rig, "folder": str(folder)}), folder.with_suffix(".toml")
+    )
+    demo = load_protocol("demo")
+    short = demo.runs[1].model_copy(update={"speeds_mm_s": (425.0, 760.0), "duration_s": 2.0})
+    window.space.set_protocol(
+        demo.model_copy(update={"runs": (short,), "taps": None, "clock_check": None, "rest_s": 600.0})
+    )
+    window.show()
+    return window
+
+
+def _leave(application: QApplication, window: OperatorWindow, camera: Camera) -> None:
     window.shut_down()
-    wait(application, lambda: not window.space.recording.active)
+    camera.wait(application, lambda: not window.space.recording.active)
     window.close()
     window.deleteLater()
     application.sendPostedEvents(None, QEvent.Type.DeferredDelete)

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import os
+import re
+from pathlib import Path
 
 import pytest
 
 from draglag.errors import DataError
-from draglag_app.in_subprocess import run_in_subprocess
+from draglag.gap import close_gap
+from draglag.protocol.runs import load_protocol
+from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
+from draglag_app.in_subprocess import run_in_subprocess, write_gap_of
 
 
 def squares(n: int, progress: object) -> tuple[int, int]:
@@ -41,6 +47,18 @@ def test_result_comes_from_another_process() -> None:
 def test_sentences_come_back() -> None:
     with pytest.raises(DataError, match="the run has no edges"):
         run_in_subprocess(refuses, (1,), quiet)
+
+
+def test_the_windows_gap_report_has_the_provisional_term_that_the_window_shows(tmp_path: Path) -> None:
+    """Of a session with an effect that may not be named."""
+    session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("scan_skew=0.03")], seed=5)
+    found = close_gap(session, candidates=["laser_bounce"])
+    assert found.verdict == "unexplained"
+    write_gap_of(session, found, tmp_path / "gap.html", quiet)
+    page = (tmp_path / "gap.html").read_text("utf-8")
+    assert "Provisional term unnamed:" in page
+    bars = re.findall(r"<svg.*?</svg>", page, re.DOTALL)[0]
+    assert "<pattern" in bars  # hatched
 
 
 def test_a_dead_process_is_reported() -> None:

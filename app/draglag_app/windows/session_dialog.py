@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QCheckBox, QComboBox, QDialog, QDialogButtonBox, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QDialog, QDialogButtonBox, QLineEdit, QVBoxLayout, QWidget
 
 from draglag.errors import DataError, DraglagError
 from draglag.protocol.presets import load_screen_file
 from draglag_app.session.details import GIVEN, STANDARD, check_name, check_template
 from draglag_app.windows.parts.finger_lists import raise_rows
 from draglag_app.windows.parts.flow import Flow
-from draglag_app.windows.parts.full_texts import whole_text
+from draglag_app.windows.parts.full_texts import ElidedBox, whole_text
 from draglag_app.windows.parts.theme import wide
 from draglag_app.windows.parts.widgets import Form, Scrolled, button, label, restyle
 from draglag_app.windows.settings import PanelSettings
@@ -35,11 +35,9 @@ class SessionDialog(QDialog):
         settings = workspace.settings
         outer, column = QVBoxLayout(self), QVBoxLayout()
         form = self._form = Form()
-        self.screen_box = QComboBox()
+        self.screen_box = ElidedBox(12)
         for name in presets("screens"):
             self.screen_box.addItem(f"{name}  ({load_screen_file(name).description})", name)
-        self.screen_box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.screen_box.setMinimumContentsLength(12)
         self.screen_box.setCurrentIndex(max(0, self.screen_box.findData(settings.panel.preset)))
         whole_text(self.screen_box)
         form.row(self.tr("Screen"), self.screen_box)

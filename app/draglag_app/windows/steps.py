@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from PySide6.QtCore import QCoreApplication, Signal
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QSizePolicy
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QSizePolicy
 
 from draglag_app.windows.actions import say
+from draglag_app.windows.parts.full_texts import ElidedButton
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.widgets import restyle
 from draglag_app.windows.start import Obstacle
@@ -65,11 +66,11 @@ class StepGuide(QFrame):
         row = self.row = QHBoxLayout(self)
         row.setContentsMargins(12, 4, 12, 4)
         row.setSpacing(8)
-        self.buttons: dict[str, QPushButton] = {}
+        self.buttons: dict[str, ElidedButton] = {}
         for page in STEPS:
-            made = self.buttons[page] = QPushButton()
+            made = self.buttons[page] = ElidedButton()
             made.setObjectName("step")
-            # As wide as there is room: what does not fit is in the tip.
+            # As wide as there is room; the tip has all of it.
             made.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
             made.clicked.connect(lambda checked=False, page=page: self.chosen.emit(page))
             row.addWidget(made, 1)

@@ -30,6 +30,8 @@ FOLLOWS = {
 
 UNEXPLAINED = ("unexplained",)
 """In ``GapReport.explanations``: whatever has no name."""
+PROBABLE = 0.5
+"""Steps below are shown as provisional: somebody put them there."""
 
 
 def stated(probability: float) -> str:

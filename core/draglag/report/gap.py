@@ -81,7 +81,7 @@ def write_gap_report(
     body.append(_check_table(report))
     body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
     with house_style():
-        figures = _figures(again, report)
+        figures = _figures(again, report, provisional)
     for figure, caption in figures:
         body.append(f"<figure>{_svg(figure, source)}<figcaption>{escape(caption)}</figcaption></figure>")
     if report.not_seen:
@@ -130,16 +130,17 @@ def _said(session: Session, report: GapReport) -> list[str]:
     return body
 
 
-def _figures(again: tuple[Replay, ...], report: GapReport) -> list[tuple[Any, str]]:
+def _figures(again: tuple[Replay, ...], report: GapReport, provisional: Provisional | None) -> list[tuple[Any, str]]:
     assert report.first is not None
     assert report.last is not None
     before = ", before (orange triangles) and after (blue dots)" if report.first is not report.last else ""
     nearest = "; dotted: the Eq. 5 nearest to it" if not report.law.adequate else ""
     return [
         (
-            waterfall(report),
+            waterfall(report, provisional),
             "RMS residual on runs held out of the fit, step by step, against the noise floor: in mm across the "
-            "beam, and as the time the stylus takes for it at the session's RMS velocity across the beam.",
+            "beam, and as the time the stylus takes for it at the session's RMS velocity across the beam. "
+            "Provisional (hatched, ~): an effect less probable than not, or a term without a name.",
         ),
         *_overlays(again, report),
         (

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
-from draglag.drawing.style import BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, plain_log_ticks
+from draglag.drawing.style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, new_figure, plain_log_ticks
 from draglag.gap.fitting.heldout import noise_variance_mm2
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.law_form import FlexibleLaw, nearest_eq5
-from draglag.gap.results import GapReport
+from draglag.gap.provisional import Provisional
+from draglag.gap.results import PROBABLE, GapReport, followed
 from draglag.report import replayed
 from draglag.simulation.effects import title_of
+
+HATCH = "///"
+"""Of provisional bars."""
+MARK = "~ "
+"""Before their names."""
+_LETTERS = 72  # of all names below the bars, next to each other
 
 
 def ms_per_mm(fit: Fit) -> float:
@@ -20,29 +28,42 @@ def ms_per_mm(fit: Fit) -> float:
     return float(1e3 / np.sqrt(np.mean(fit.view.v_across**2)))
 
 
-def waterfall(report: GapReport) -> Any:
-    """The held-out gap step by step, against the noise floor."""
+def waterfall(report: GapReport, provisional: Provisional | None = None) -> Any:
+    """The held-out gap step by step, against the noise floor.
+
+    Provisional bars are hatched: effects less probable than not, and a term without a name.
+    """
+    from matplotlib.patches import Patch
+
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
-    names = ["present model", *(f"+ {title_of(s.effect)}" for s in report.steps)]
-    values = [report.gap_first_mm or 0.0, *(s.gap_after_mm for s in report.steps)]
-    places = np.arange(len(names))
-    axes.bar(places, values, width=0.55, color=[ORANGE] + [BLUE] * len(report.steps))
-    for place, value in zip(places, values, strict=True):
+    bars = [("present model", report.gap_first_mm or 0.0, ORANGE, False)]
+    for step in report.steps:
+        doubted = step.probability < PROBABLE
+        name = f"+ {MARK if doubted else ''}{title_of(step.effect)}"
+        bars.append((name, step.gap_after_mm, PURPLE if doubted else BLUE, doubted))
+    if provisional is not None:
+        name = f"+ {MARK}without a name: {followed(provisional.covariate)}"
+        bars.append((name, provisional.gap_after_mm, PURPLE, True))
+    for place, (_, value, colour, hatched) in enumerate(bars):
+        look = {"facecolor": "none", "edgecolor": colour, "hatch": HATCH} if hatched else {"color": colour}
+        axes.bar(place, value, width=0.55, **look)
         axes.annotate(
             f"{value:.3f}", (place, value), ha="center", va="bottom", xytext=(0, 2), textcoords="offset points",
             bbox={"facecolor": "white", "edgecolor": "none", "pad": 1}, zorder=5,  # the noise floor may pass behind it
         )  # fmt: skip
-    axes.axhline(report.noise_floor_mm or 0.0, color=GREEN, linestyle="--", label="noise floor")
-    axes.set_xticks(places, names)
-    axes.set_xlim(-0.6, max(len(names), 2) - 0.4)
-    axes.set_ylim(0, 1.2 * max([*values, report.noise_floor_mm or 0.0]))
+    floor = axes.axhline(report.noise_floor_mm or 0.0, color=GREEN, linestyle="--", label="noise floor")
+    letters = _LETTERS // max(len(bars), 2)
+    axes.set_xticks(range(len(bars)), [fill(name, letters) for name, *_ in bars])
+    axes.set_xlim(-0.6, max(len(bars), 2) - 0.4)
+    axes.set_ylim(0, 1.2 * max([value for _, value, *_ in bars] + [report.noise_floor_mm or 0.0]))
     axes.set_ylabel("held-out gap (mm RMS)")
     if report.last is not None:
         ms = ms_per_mm(report.last)
         other = axes.secondary_yaxis("right", functions=(lambda mm: ms * mm, lambda late: late / ms))
         other.set_ylabel("(ms RMS)")
-    axes.legend(loc="upper right")
+    unsure = [Patch(facecolor="none", edgecolor=PURPLE, hatch=HATCH, label="provisional")]
+    axes.legend(handles=[floor, *(unsure if any(hatched for *_, hatched in bars) else [])], loc="upper right")
     return figure
 
 

@@ -114,7 +114,9 @@ def test_a_device_that_is_lost_is_reported_in_dutch(open_window: Callable[..., O
     assert window.notice_text.text() == wanted
     assert window.header.lights["walt"].toolTip() == wanted
     log = window.pages["log"][1].table
-    assert log.item(log.rowCount() - 1, 3).text() == wanted
+    last = log.rowCount() - 1
+    assert log.item(last, 3).text() == wanted
+    assert log.item(last, 1).text() == "✕ fout"
 
 
 def test_a_device_that_is_lost_and_back_is_shown_as_recovered(open_window: Callable[..., OperatorWindow]) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from PySide6.QtCore import QPoint
+import pytest
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QHelpEvent
 from PySide6.QtWidgets import QApplication, QComboBox, QStyleOptionViewItem, QTableWidgetItem, QToolTip
 
-from draglag_app.windows.parts.full_texts import ElidedLabel, WholeTexts, whole_text
+from draglag_app.windows.parts.full_texts import ElidedBox, ElidedButton, ElidedLabel, WholeTexts, whole_text
 from draglag_app.windows.parts.widgets import Shallow, label, table
 from draglag_app.windows.window import OperatorWindow
 
@@ -107,3 +108,41 @@ def test_many_remarks_scroll_and_few_take_only_their_lines(qapp: QApplication) -
     assert area.height() == 0
     area.close()
     area.deleteLater()
+
+
+def of_kind(kind: str, text: str) -> ElidedBox | ElidedButton:
+    box = ElidedBox(12)
+    box.addItem(text)
+    made = ElidedButton(text) if kind == "button" else box
+    made.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # which would be drawn
+    return made
+
+
+@pytest.mark.parametrize("kind", ["button", "box"])
+def test_a_button_or_choice_without_room_ends_in_dots(qapp: QApplication, kind: str) -> None:
+    made = of_kind(kind, LONG)
+    made.show()
+    for wide, whole in ((1200, True), (200, False)):
+        made.resize(wide, 44)
+        qapp.processEvents()
+        shown = made.shown()
+        assert (shown == LONG) is whole
+        assert shown.endswith("…") is not whole
+        same = of_kind(kind, shown)  # painted as a text that has the room it needs
+        same.resize(wide, 44)
+        assert made.grab().toImage() == same.grab().toImage()
+        same.deleteLater()
+    assert (made.text() if kind == "button" else made.currentText()) == LONG
+    made.close()
+    made.deleteLater()
+
+
+def test_steps_without_room_end_in_dots(open_window: Callable[..., OperatorWindow], qapp: QApplication) -> None:
+    window = open_window(rig={"touch": "sim:", "laser": "", "walt": ""})
+    window.go("record")
+    for size, whole in (((1920, 1080), True), ((853, 533), False)):
+        window.resize(*size)
+        qapp.processEvents()
+        step = window.steps.buttons["bench"]
+        assert (step.shown() == step.text()) is whole
+        assert step.toolTip() == step.text()

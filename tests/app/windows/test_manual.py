@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from PySide6.QtGui import QImage
-from PySide6.QtWidgets import QApplication, QPushButton
+from PySide6.QtGui import QImage, QTextCursor
+from PySide6.QtWidgets import QApplication, QListWidget, QPushButton
 
 from draglag_app.windows.actions import ACTIONS
-from draglag_app.windows.pages.help import manual_text
-from draglag_app.windows.wording.i18n import table_of
+from draglag_app.windows.pages.help import HelpPage, manual_text
+from draglag_app.windows.wording.i18n import table_of, use_language
 from draglag_resources import resource
 
 
@@ -67,3 +67,112 @@ def test_pictures_are_small_have_words_for_who_does_not_see_them_and_are_the_sam
     assert sorted(named["en"]) == sorted(f"pictures/{file.name}" for file in (folder / "pictures").iterdir())
     for file in named["en"]:
         assert (folder / file).stat().st_size < 60_000, file
+
+
+def sections_of(language: str) -> dict[str, str]:
+    """Title → text, in order."""
+    _, *parts = re.split(r"^## ", manual_text(language), flags=re.MULTILINE)
+    return {title.strip(): text for title, _, text in (part.partition("\n") for part in parts)}
+
+
+def bones(text: str) -> dict[str, list[str]]:
+    """What does not depend on the language: pictures, keys, values to type, and how many items a list has."""
+    return {
+        "pictures": re.findall(r"\((pictures/\w+\.png)\)", text),
+        "keys": sorted(set(re.findall(r"\*\*((?:Ctrl\+)?(?:Shift\+)?(?:F\d|[A-Z.]))\*\*", text))),
+        "code": sorted(set(re.findall(r"`(?:draglag|\?|packaging)[^`]*`", text))),
+        "items": re.findall(r"^(-|\d\.) ", text, flags=re.MULTILINE),
+    }
+
+
+def test_both_manuals_have_the_same_sections_in_the_same_order(open_window: Callable) -> None:
+    english, dutch = sections_of("en"), sections_of("nl")
+    words = table_of("nl")
+    assert len(english) == len(dutch) >= 14
+    titles = {title for title, _ in open_window().pages.values()} - {"Help"}
+    for (title, text), (titel, tekst) in zip(english.items(), dutch.items(), strict=True):
+        assert bones(text) == bones(tekst), title
+        assert text.strip(), title
+        if title in titles:
+            assert titel == words[title]
+        else:
+            assert titel != title
+    assert titles <= set(english)
+
+
+def in_sight(page: HelpPage, title: str) -> bool:
+    """Whether the section's heading is the first line, or in sight with the end of the manual below it."""
+    manual = page.manual
+    bar, cursor = manual.verticalScrollBar(), QTextCursor(manual.document())
+    block = manual.document().begin()
+    while block.isValid() and not (block.blockFormat().headingLevel() == 2 and block.text() == title):
+        block = block.next()
+    cursor.setPosition(block.position())
+    top = manual.cursorRect(cursor).top()
+    return 0 <= top < 40 or (bar.value() == bar.maximum() and 0 <= top < manual.viewport().height() - 40)
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_every_entry_of_the_contents_leads_to_its_section(
+    open_window: Callable, qapp: QApplication, language: str
+) -> None:
+    try:
+        window = open_window(language=language)
+        window.resize(1280, 800)
+        window.go("help")
+        page = window.pages["help"][1]
+        entries = [page.contents.item(k) for k in range(page.contents.count())]
+        assert [entry.text() for entry in entries] == list(sections_of(language))
+        for entry in (*entries[1:], entries[0]):
+            page.contents.setCurrentItem(entry)
+            qapp.processEvents()
+            assert in_sight(page, entry.text()), entry.text()
+    finally:
+        use_language(qapp, "en")
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_the_question_mark_of_every_page_opens_its_section(
+    open_window: Callable, qapp: QApplication, language: str
+) -> None:
+    try:
+        window = open_window(language=language)
+        window.resize(1280, 800)
+        page = window.pages["help"][1]
+        for name, (title, _) in window.pages.items():
+            if name != "help":
+                window.go(name)
+                window.header.help.click()
+                qapp.processEvents()
+                assert window.page == "help"
+                assert in_sight(page, title), title
+    finally:
+        use_language(qapp, "en")
+
+
+def ink(contents: QListWidget) -> list[int]:
+    """How many pixels each entry's letters take."""
+    drawn = contents.viewport().grab().toImage()
+    ground = drawn.pixel(0, drawn.height() - 1)
+    places = [contents.visualItemRect(contents.item(k)) for k in range(contents.count())]
+    return [
+        sum(drawn.pixel(x, y) != ground for x in range(at.left(), at.right()) for y in range(at.top(), at.bottom()))
+        for at in places
+    ]
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_titles_in_the_contents_are_whole(open_window: Callable, qapp: QApplication, language: str) -> None:
+    """As many letters are drawn in two lines as in one that has room for all."""
+    try:
+        window = open_window(language=language)
+        window.resize(1280, 800)
+        window.go("help")
+        qapp.processEvents()
+        contents = window.pages["help"][1].contents
+        drawn = ink(contents)
+        contents.setFixedWidth(2 * contents.width())
+        qapp.processEvents()
+        assert drawn == pytest.approx(ink(contents), rel=0.03)  # letters begin at other fractions of a pixel
+    finally:
+        use_language(qapp, "en")

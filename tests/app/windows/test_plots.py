@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PySide6.QtCore import QPointF
-from PySide6.QtGui import QImage
+from PySide6.QtGui import QImage, QPainter
 from PySide6.QtWidgets import QApplication, QMessageBox
 
 from draglag.errors import DataError
@@ -194,3 +195,26 @@ def test_a_picture_that_leaves_the_program_says_what_it_is_from(
     foot = picture.copy(0, picture.height() - 20, picture.width(), 20)
     colours = {foot.pixel(x, y) for x in range(foot.width()) for y in range(foot.height())}
     assert len(colours) > 1  # an empty strip has one
+
+
+@pytest.mark.parametrize("height", [110, 130, 300])
+@pytest.mark.parametrize("most", [0.2, 760.0])
+def test_numbers_of_a_low_plot_do_not_stand_on_each_other(
+    plot: Plot, qapp: QApplication, height: int, most: float
+) -> None:
+    plot.setMinimumHeight(height)
+    plot.title_lines(["Speed"])
+    plot.resize(300, height)
+    plot.line("speed", np.arange(3.0), np.array([0.0, most, most]), "#ffffff")
+    for _ in range(3):
+        qapp.processEvents()
+    axis = plot.getPlotItem().getAxis("left")
+    image = QImage(10, 10, QImage.Format.Format_RGB32)
+    painter = QPainter(image)
+    painter.setFont(axis.style["tickFont"])
+    _, _, numbers = axis.generateDrawSpecs(painter)
+    high = painter.fontMetrics().ascent()  # digits have nothing below their line
+    painter.end()
+    middles = sorted(place.center().y() for place, _, _ in numbers)
+    assert len(middles) >= 1
+    assert all(lower - upper >= high for upper, lower in pairwise(middles))

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
+import pyqtgraph as pg
 import pytest
-from PySide6.QtCore import QPoint, QRect
-from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
+from PySide6.QtCore import QPoint, QPointF, QRect
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTableWidgetItem, QWidget
 
 from draglag_app.windows.main import _AROUND_PX
 from draglag_app.windows.parts.page_stack import PageScroll
 from draglag_app.windows.plots.plot_frame import PlotFrame
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.i18n import use_language
 
 # What the screen has at each scaling, less a title bar.
 WHOLE, ENLARGED = (1280, 800 - _AROUND_PX[1]), (853, 533 - _AROUND_PX[1])
@@ -79,3 +82,52 @@ def test_record_fits_below_a_title_bar_without_scrolling(open_window: Callable, 
     assert button.isVisible()
     assert window.rect().contains(place)
     window.record.set_recording(False)
+
+
+def test_names_of_compared_sessions_keep_their_room(opened: OperatorWindow) -> None:
+    opened.go("compare")
+    named = {button.text(): button for button in opened.pages["compare"][1].findChildren(QPushButton)}
+    named["Add open session"].click()
+    at_size(opened, ENLARGED, "compare")
+    table = opened.pages["compare"][1].table
+    first = table.item(0, 0).text()[:6]
+    assert table.columnWidth(0) >= table.fontMetrics().horizontalAdvance(first)
+
+
+@pytest.mark.parametrize("language", ["en", "nl"])
+def test_names_of_alternative_curves_cover_no_run(
+    open_window: Callable, qapp: QApplication, until: Callable, session_file: Path, language: str
+) -> None:
+    try:
+        window = open_window(language=language)
+        window.space.open(session_file)
+        until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+        at_size(window, (1280, 800), "results")
+        results = window.pages["results"][1]
+        results.show_alternatives.click()
+        until(lambda: not window.space.tasks.running and len(results.curve.legend.items) > 4)
+        qapp.processEvents()
+        item = results.curve.getPlotItem()
+        legend = results.curve.legend
+        covered = legend.mapRectToScene(legend.boundingRect()).adjusted(-6, -6, 6, 6)  # with half a point
+        runs = [one for one in item.items if isinstance(one, pg.ScatterPlotItem)]
+        places = [item.vb.mapViewToScene(QPointF(x, y)) for one in runs for x, y in zip(*one.getData(), strict=True)]
+        assert len(places) >= 6
+        assert [place for place in places if covered.contains(place)] == []
+    finally:
+        use_language(qapp, "en")
+
+
+@pytest.mark.parametrize("size", [ENLARGED, (960, 540 - _AROUND_PX[1]), WHOLE])
+def test_latency_and_verdict_of_a_run_are_in_sight_while_it_is_recorded(
+    open_window: Callable, size: tuple[int, int]
+) -> None:
+    window = open_window()
+    table = window.record.table
+    table.insertRow(0)
+    for column, text in enumerate(("run-12", "multi-sine", "1000", "134.3 ± 11.7 ms", "1248", "✓ good")):
+        table.setItem(0, column, QTableWidgetItem(text))
+    at_size(window, size, "record")
+    for column in (0, 3, 5):
+        assert table.columnWidth(column) >= table.sizeHintForColumn(column)
+        assert table.columnViewportPosition(column) + table.sizeHintForColumn(column) <= table.viewport().width()

@@ -14,7 +14,9 @@ import pytest
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.exchange import read_exchange
 from draglag.latency.flags import MEANING
+from draglag.recording import LogEntry, Session
 from draglag.report import write_report
+from draglag.report.notes import citation
 
 SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
 OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer")
@@ -23,6 +25,7 @@ PAPER_PT = {"A4": (595, 842), "Letter": (612, 792)}
 MARGIN = 0.03  # of the width, 6 mm: what printers leave white
 LONG_RUN = "onderhoudsmetingaanraakscherm-achterzijde-04"
 FLAGS = tuple(MEANING)
+DETAILS = {"participant": "P07", "session": "second", "operator": "Zoë", "dominant_hand": "left"}
 
 pytestmark = [
     pytest.mark.skipif(BROWSER is None, reason="no Chromium to print with"),
@@ -42,13 +45,18 @@ class Word:
     big: bool  # as headings are
 
 
+def notes_in(session: Session) -> tuple[LogEntry, ...]:
+    """One, 100 s after the session began."""
+    return (LogEntry((session.started_s or 0.0) + 100.0, "note", "operator", "beam wiped"),)
+
+
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """All runs of a sample, each with more to say than the one before; screen and a run have long Dutch names."""
     whole = read_exchange(SAMPLE)
     runs = tuple(replace(run, id=LONG_RUN) if run.id == "run-04" else run for run in whole.runs)
     screen = replace(whole.screen, name="Werkplaatsaanraakscherminstallatie achterzijde, onderhoudsbeurt")
-    session = replace(whole, runs=runs, screen=screen)
+    session = replace(whole, runs=runs, screen=screen, details=DETAILS, notes=notes_in(whole))
     found = analyze(session, AnalysisOptions(form="constant"))
     flagged = tuple(replace(run, flags=FLAGS[:k]) for k, run in enumerate(found.runs))
     checked = tuple(replace(item, flags=FLAGS[-6:]) for item in found.validation)
@@ -115,3 +123,16 @@ def test_no_heading_stands_alone_at_the_foot_of_a_page(words: list[Word], report
 def test_the_last_lines_are_on_the_page_of_the_reference(words: list[Word]) -> None:
     (footer,) = [word.page for word in words if word.text == "Made"]
     assert footer == next(word.page for word in words if word.big and word.text == "cite")
+
+
+def test_details_notes_and_reference_are_on_paper(words: list[Word]) -> None:
+    text = " ".join(word.text for word in words)
+    for printed in (
+        "Participant P07",
+        "Session second",
+        "Operator Zoë",
+        "Dominant hand left",
+        "beam wiped",
+        citation(),
+    ):
+        assert printed in text, printed

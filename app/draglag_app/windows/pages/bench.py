@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QHBoxLayout, QT
 from draglag.errors import DraglagError
 from draglag_app.preflight import Check, preflight
 from draglag_app.windows.parts.flow import Flow
-from draglag_app.windows.parts.full_texts import whole_text, widen_list
+from draglag_app.windows.parts.full_texts import ElidedBox, whole_text, widen_list
 from draglag_app.windows.parts.tasks import Progress, Task
 from draglag_app.windows.parts.widgets import Light, Panel, Resting, button, label
 from draglag_app.windows.recording.session_thread import display_choices
@@ -121,10 +121,8 @@ class BenchPage(QWidget):
         panel = Panel()
         row = Flow(10)
         row.addWidget(label(self.tr("Participant sees the target")))
-        self.display = QComboBox()
+        self.display = ElidedBox(12)
         self.display.setAccessibleName(self.tr("Participant sees the target"))
-        self.display.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.display.setMinimumContentsLength(12)
         for value, text in display_choices():
             self.display.addItem(text, value)
         whole_text(self.display)

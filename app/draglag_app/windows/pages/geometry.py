@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from PySide6.QtGui import QGuiApplication, QScreen
-from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QSpinBox, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDoubleSpinBox, QHBoxLayout, QSpinBox, QVBoxLayout, QWidget
 
 from draglag.errors import DraglagError
 from draglag.protocol.presets import load_screen_file
@@ -13,7 +13,7 @@ from draglag_app.windows.pages.parts.calibration_panel import CalibrationPanel
 from draglag_app.windows.participant.placement import shape_problem, turned_panel
 from draglag_app.windows.participant.ruler import BAR_MM, RulerWindow
 from draglag_app.windows.parts.flow import Flow
-from draglag_app.windows.parts.full_texts import whole_text
+from draglag_app.windows.parts.full_texts import ElidedBox, whole_text
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import Form, Panel, Scrolled, button, label, restyle
 from draglag_app.windows.plots.plot import Plot, tr
@@ -56,11 +56,9 @@ class GeometryPage(QWidget):
     def _numbers(self) -> Panel:
         panel = Panel(self.tr("Screen under test"))
         form = Form()
-        self.preset = QComboBox()
+        self.preset = ElidedBox(12)
         for name in presets("screens"):
             self.preset.addItem(f"{name}  ({load_screen_file(name).description})", name)
-        self.preset.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.preset.setMinimumContentsLength(12)
         whole_text(self.preset)
         self.preset.activated.connect(self._preset_chosen)
         form.row(self.tr("Preset"), self.preset)

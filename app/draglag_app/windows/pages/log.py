@@ -16,13 +16,19 @@ from PySide6.QtWidgets import (
 )
 
 from draglag_app.session import events
-from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.parts.theme import theme, wide
 from draglag_app.windows.parts.widgets import button, label, table
 from draglag_app.windows.wording import words
+from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 from draglag_app.windows.wording.library_words import fault_words, in_words, source_name
 from draglag_app.windows.workspace import Workspace
 
-_MARKS = {"info": "·", "note": "✎", "warning": "▲", "error": "✕"}
+_LEVELS = {
+    "info": ("·", QT_TRANSLATE_NOOP("LogPage", "info")),
+    "note": ("✎", QT_TRANSLATE_NOOP("LogPage", "note")),
+    "warning": ("▲", QT_TRANSLATE_NOOP("LogPage", "warning")),
+    "error": ("✕", QT_TRANSLATE_NOOP("LogPage", "error")),
+}
 _MOST_ROWS = 5000
 
 
@@ -57,9 +63,9 @@ class LogPage(QWidget):
         self.table = table(titles, stretch=3, single=False)
         self.table.setAlternatingRowColors(True)
         self.table.setAccessibleName(self.tr("Log"))
-        for column, width in enumerate((100, 110, 130)):
+        for column, width in enumerate((100, 140, 130)):
             self.table.horizontalHeader().setSectionResizeMode(column, QHeaderView.ResizeMode.Interactive)
-            self.table.horizontalHeader().resizeSection(column, width)
+            self.table.horizontalHeader().resizeSection(column, wide(width))
         outer.addWidget(self.table, 1)
         bridge = workspace.bridge
         bridge.notice_raised.connect(lambda event: self.add(event.level, event.source, in_words(event.text)))
@@ -84,7 +90,8 @@ class LogPage(QWidget):
         self.table.insertRow(row)
         colours = {"warning": theme().warning, "error": theme().bad}
         now = datetime.now().strftime("%H:%M:%S")
-        for column, cell in enumerate((now, f"{_MARKS.get(level, '·')} {level}", source_name(source), text)):
+        mark, name = _LEVELS.get(level, ("·", level))
+        for column, cell in enumerate((now, f"{mark} {self.tr(name)}", source_name(source), text)):
             item = QTableWidgetItem(cell)
             item.setData(Qt.ItemDataRole.UserRole, level)
             if level in colours and column == 1:
@@ -116,7 +123,7 @@ class LogPage(QWidget):
             self._filter_row(row)
 
     def _filter_row(self, row: int) -> None:
-        order = list(_MARKS)
+        order = list(_LEVELS)
         item = self.table.item(row, 1)
         level = item.data(Qt.ItemDataRole.UserRole) if item is not None else "info"
         hidden = order.index(level) < order.index(str(self.level.currentData())) if level in order else False

@@ -7,7 +7,6 @@ from dataclasses import replace
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QCheckBox,
-    QComboBox,
     QInputDialog,
     QLineEdit,
     QSplitter,
@@ -21,7 +20,7 @@ from draglag.curve import FORMS, CurveFit, fit_form
 from draglag.errors import EstimateError
 from draglag_app.windows.pages.parts.run_table import RunTable
 from draglag_app.windows.parts.flow import Flow
-from draglag_app.windows.parts.full_texts import whole_text
+from draglag_app.windows.parts.full_texts import ElidedBox, whole_text
 from draglag_app.windows.parts.tasks import Progress
 from draglag_app.windows.parts.theme import wide
 from draglag_app.windows.parts.widgets import LARGE_TEXT, button, label
@@ -33,6 +32,7 @@ from draglag_app.windows.wording.library_words import sentences
 from draglag_app.windows.workspace import Workspace
 
 _FILTER_PX = 260
+_LETTERS = 9  # of a choice, at least
 _RATES = (None, 60.0, 100.0, 120.0, 200.0)
 
 
@@ -132,14 +132,14 @@ class ResultsPage(QWidget):
 
     def _choices(self) -> Flow:
         row = Flow()
-        self.estimator = QComboBox()
+        self.estimator = ElidedBox(_LETTERS)
         self.estimator.addItem(self.tr("Efficient"), "efficient")
         self.estimator.addItem(self.tr("As published"), "paper")
-        self.rate = QComboBox()
+        self.rate = ElidedBox(_LETTERS)
         for rate in _RATES:
             text = self.tr("Kernel stamps") if rate is None else self.tr("Sampled at {hz:.0f} Hz").format(hz=rate)
             self.rate.addItem(text, rate)
-        self.form = QComboBox()
+        self.form = ElidedBox(_LETTERS)
         self.form.addItem(self.tr("Best form"), "best")
         for name in FORMS:
             self.form.addItem(words.form_name(name), name)
@@ -154,8 +154,6 @@ class ResultsPage(QWidget):
             whole_text(box, tip)
             box.setAccessibleName(tip)
             box.activated.connect(self._options_chosen)
-            box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-            box.setMinimumContentsLength(9)
             row.addWidget(box)
         self.fix_asymptote = QCheckBox(self.tr("Fix asymptote to taps"))
         self.fix_asymptote.setToolTip(self.tr("Fix the latency at high speed to the median release tap"))

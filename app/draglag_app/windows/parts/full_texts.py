@@ -8,9 +8,14 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QComboBox,
     QLabel,
+    QPushButton,
     QSizePolicy,
+    QStyle,
     QStyledItemDelegate,
+    QStyleOptionButton,
+    QStyleOptionComboBox,
     QStyleOptionViewItem,
+    QStylePainter,
     QToolTip,
 )
 
@@ -53,9 +58,50 @@ class ElidedLabel(QLabel):
             self.setToolTip(plain(tip))
 
 
+class ElidedBox(QComboBox):
+    """A choice whose text ends in dots where the box is narrower; as wide as so many letters."""
+
+    def __init__(self, letters: int) -> None:
+        super().__init__()
+        self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.setMinimumContentsLength(letters)
+
+    def shown(self) -> str:
+        """The choice as shown."""
+        option = QStyleOptionComboBox()
+        self.initStyleOption(option)
+        control, part = QStyle.ComplexControl.CC_ComboBox, QStyle.SubControl.SC_ComboBoxEditField
+        room = self.style().subControlRect(control, option, part, self).width()
+        return elided(self.fontMetrics(), self.currentText(), room)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter, option = QStylePainter(self), QStyleOptionComboBox()
+        self.initStyleOption(option)
+        option.currentText = self.shown()
+        painter.drawComplexControl(QStyle.ComplexControl.CC_ComboBox, option)
+        painter.drawControl(QStyle.ControlElement.CE_ComboBoxLabel, option)
+
+
 def elided(letters: QFontMetrics, text: str, room_px: int) -> str:
     """As much of a text as fits."""
     return letters.elidedText(text, Qt.TextElideMode.ElideRight, room_px)
+
+
+class ElidedButton(QPushButton):
+    """A button whose text ends in dots where there is no room; ``text()`` is whole."""
+
+    def shown(self) -> str:
+        """The text as shown."""
+        option = QStyleOptionButton()
+        self.initStyleOption(option)
+        room = self.style().subElementRect(QStyle.SubElement.SE_PushButtonContents, option, self).width()
+        return elided(self.fontMetrics(), self.text(), room)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        option = QStyleOptionButton()
+        self.initStyleOption(option)
+        option.text = self.shown()
+        QStylePainter(self).drawControl(QStyle.ControlElement.CE_PushButton, option)
 
 
 class WholeTexts(QStyledItemDelegate):

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from PySide6.QtCore import QPoint
 from PySide6.QtGui import QImage, QResizeEvent, QTextCursor, QTextDocument, QTextFragment
 from PySide6.QtWidgets import QTextBrowser
 
 PICTURE = "\N{OBJECT REPLACEMENT CHARACTER}"
 """The character of a picture in a text."""
+_TOP_PX = 12
 
 
 class PicturedText(QTextBrowser):
@@ -25,8 +27,13 @@ class PicturedText(QTextBrowser):
         self._fit()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
+        """Lay out again; the line at the top stays there."""
+        top = self.cursorForPosition(QPoint(0, _TOP_PX))
+        before_px = self.cursorRect(top).top()
         super().resizeEvent(event)
         self._fit()
+        bar = self.verticalScrollBar()
+        bar.setValue(bar.value() + self.cursorRect(top).top() - before_px)
 
     def pictures(self) -> list[tuple[str, float, float]]:
         """(name, width, height) of every picture as shown."""

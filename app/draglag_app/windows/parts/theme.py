@@ -47,7 +47,7 @@ DARK = Theme(
 )  # fmt: skip
 LIGHT = Theme(
     "light", "#eef0f3", "#ffffff", "#e4e8ee", "#c3cad4", "#161b22", "#566170", "#0060a0", "#ffffff",
-    "#007a5a", "#9a5b00", "#a80f2e", "#0072b2", "#c46a00", "#00805e", "#a8437f", "#2a86b8",
+    "#007253", "#925600", "#a80f2e", "#0072b2", "#c46a00", "#00805e", "#a8437f", "#2a86b8",
 )  # fmt: skip
 THEMES = {theme.name: theme for theme in (DARK, LIGHT)}
 _present = DARK

@@ -32,6 +32,8 @@ from draglag_app.windows.parts.theme import theme, wide
 ROW_PX = 44
 # Per cent: with text larger than this, small screens are too narrow for things that otherwise stand side by side.
 LARGE_TEXT = 120
+# In a narrow window columns are scrolled to rather than leave no room for the one that takes what is left.
+_LEAST_COLUMN_PX = 60
 _ARROWS = (Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_Home, Qt.Key.Key_End)
 
 
@@ -171,8 +173,10 @@ def set_up_table(made: QTableWidget, titles: Sequence[str], stretch: int = 0, si
         made.installEventFilter(FirstRow(made))
     made.setItemDelegate(WholeTexts(made))
     header = made.horizontalHeader()
+    header.setTextElideMode(Qt.TextElideMode.ElideRight)
     header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
     header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+    header.setMinimumSectionSize(wide(_LEAST_COLUMN_PX))
     header.setSectionResizeMode(stretch, QHeaderView.ResizeMode.Stretch)
 
 

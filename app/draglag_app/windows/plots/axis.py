@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF
+from PySide6.QtGui import QFontMetricsF, QGuiApplication
 from PySide6.QtWidgets import QGraphicsSceneResizeEvent
 
 from draglag_app.windows.parts.theme import points, theme
@@ -36,6 +38,19 @@ class Axis(pg.AxisItem):
     def resizeEvent(self, event: QGraphicsSceneResizeEvent | None = None) -> None:
         super().resizeEvent(event)
         self._keep_inside()
+
+    def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
+        """As pyqtgraph's, but numbers of a low plot do not stand on each other."""
+        levels: list[tuple[float, float]] = super().tickSpacing(minVal, maxVal, size)
+        if self.orientation != "left" or size <= 0 or self.logMode:
+            return levels
+        line_px = QFontMetricsF(self.style["tickFont"] or QGuiApplication.font()).height()
+        least = line_px * abs(maxVal - minVal) / size
+        if not levels or levels[0][0] >= least > 0:
+            return levels
+        unit = 10 ** math.floor(math.log10(least))
+        spacing = next(step * unit for step in (1, 2, 5, 10) if step * unit >= least)
+        return [(spacing, levels[0][1]), *levels[1:]]
 
     def _keep_inside(self) -> None:
         parent, label = self.parentItem(), self.label

@@ -15,6 +15,7 @@ from draglag_app.windows.plots.plot_values import Column
 from draglag_app.windows.wording import words
 
 SYMBOLS = ("o", "s", "t", "d", "x")
+_FOR_NAME = 0.1  # more height, of that of the runs, for an alternative's name in the legend
 
 
 class CurvePlot(Plot):
@@ -48,7 +49,7 @@ class CurvePlot(Plot):
         """Draw again. ``clicked`` gets a run's id. ``residuals``: latency minus curve, where intervals are wide enough
         to see."""
         self.clear_all()
-        colours, out = theme(), set(excluded)
+        colours, out, alternatives = theme(), set(excluded), tuple(alternatives)
         good = [e for e in estimates if e.latency_s is not None and e.speed_mm_s is not None]
         self._base = curve if residuals else None
         axis = tr("latency (ms)") if self._base is None else tr("latency − curve (ms)")
@@ -69,13 +70,14 @@ class CurvePlot(Plot):
             if chosen:
                 self._runs(name, chosen, symbol, colour, clicked)
         if good:
-            self._fit_ranges(good, out)
+            self._fit_ranges(good, out, len(alternatives))
 
-    def _fit_ranges(self, good: list[RunEstimate], out: set[str]) -> None:
+    def _fit_ranges(self, good: list[RunEstimate], out: set[str], alternatives: int) -> None:
         # The margin below is for the labels of zero.
         self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0.02)
         if self._base is None:
-            self.setYRange(0, 1.15 * max(50.0, *(1e3 * (e.latency_s or 0.0) for e in good)), padding=0.03)
+            above = 1.15 + _FOR_NAME * alternatives
+            self.setYRange(0, above * max(50.0, *(1e3 * (e.latency_s or 0.0) for e in good)), padding=0.03)
             return
         kept = [e for e in good if e.id not in out] or good
         reach = [np.abs(self._less_base_ms(e.speed_mm_s, e.latency_s)) + _half_ms(e) for e in kept]

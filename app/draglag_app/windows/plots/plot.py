@@ -153,7 +153,7 @@ class Plot(PlotFrame):
         self.remove(name)
         item = pg.InfiniteLine(
             at, pen=pg.mkPen(colour, width=1.6, style=Qt.PenStyle.DashLine), label=text or None,
-            labelOpts={"position": 0.92, "color": colour, "fill": pg.mkBrush(theme().panel)},
+            labelOpts={"position": 0.92, "color": theme().text, "fill": pg.mkBrush(theme().panel)},
         )  # fmt: skip
         self.addItem(item)
         self._keep(name, item)

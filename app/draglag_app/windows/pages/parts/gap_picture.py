@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QVBoxLayout, QWidget
 
-from draglag_app.windows.parts.full_texts import whole_text
+from draglag_app.windows.parts.full_texts import ElidedBox, whole_text
 from draglag_app.windows.parts.theme import theme
 from draglag_app.windows.parts.widgets import label
 from draglag_app.windows.plots.plot import Plot, tr
@@ -61,12 +61,10 @@ class GapPicture(QWidget):
         outer = QVBoxLayout(self)
         outer.setContentsMargins(0, 0, 0, 0)
         row = QHBoxLayout()
-        self.kind = QComboBox()
+        self.kind = ElidedBox(_LETTERS)
         self.kind.setAccessibleName(self.tr("What the picture shows"))
         for key, words, _, _ in KINDS:
             self.kind.addItem(tr(words), key)
-        self.kind.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-        self.kind.setMinimumContentsLength(_LETTERS)
         whole_text(self.kind)
         self.which = QComboBox()
         self.which.setAccessibleName(self.tr("Before or after"))

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QCoreApplication, Qt
+from PySide6.QtGui import QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
-from draglag.gap.results import BY_TAPS, stated
+from draglag.gap.results import BY_TAPS, PROBABLE, stated
 from draglag.gap.wording import separating_run
 from draglag_app.windows.parts.plain import plain
-from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.parts.theme import theme, wide
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording.effect_words import effect_meaning, effect_name, size_words
@@ -75,15 +76,15 @@ class StepTable(QTableWidget):
             self.setItem(k, column, item)
 
 
-# Of a step's name in a line below the plot: at least, and of all names together.
-_LETTERS, _LETTERS_IN_ALL = 14, 48
+# Of a step's name in a line below the plot: at least and at most.
+_LETTERS = (9, 16)
+# Width that a bar needs for its name, of how many bars at most, and of the axis; the table next to them scrolls.
+_BAR_PX, _MOST_BARS, _AXIS_PX = 80, 6, 56
 # Above, between and below the names and the axis' title.
 _AROUND_PX = 14
 # Of the plot's height; names of two lines take half of it.
 _LEAST_PX = 210
 _WIDE = 0.62  # of a bar, in places
-# An effect less probable than that is in the model because somebody put it there.
-_PROBABLE = 0.5
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def waterfall(report: dict[str, Any]) -> list[Bar]:
     """
     bars = [Bar(say("none yet"), "first", 0.0, report["gap_first_mm"])]
     for step in report["steps"]:
-        name, sure = effect_name(step["effect"]), step["probability"] >= _PROBABLE
+        name, sure = effect_name(step["effect"]), step["probability"] >= PROBABLE
         ends = sorted((step["gap_before_mm"], step["gap_after_mm"]))
         bars.append(Bar(name if sure else f"~ {name}", "step" if sure else "provisional", *ends))
     unnamed = report.get("provisional")
@@ -120,6 +121,8 @@ class StepPlot(Plot):
         title = say("Residual on runs held out of the fit")
         super().__init__(title, tr("effects in the model"), tr("gap (mm RMS)"), "gap", parent)
         self.setMinimumHeight(_LEAST_PX)
+        self._narrowest_px = self.minimumWidth()
+        self._bars: list[Bar] = []
 
     def show_report(self, report: dict[str, Any]) -> None:
         self.clear_all()
@@ -145,15 +148,30 @@ class StepPlot(Plot):
         gaps = [report["gap_first_mm"], *(step["gap_after_mm"] for step in report["steps"])]
         # Where one bar ends the next begins: the line through the gaps shows that, and holds their numbers.
         self.line(say("gap"), np.arange(len(gaps), dtype=float), np.array(gaps, float), theme().muted, 1, dash=True)
-        self._name_below(bars)
+        self._bars = bars
+        self.setMinimumWidth(wide(_BAR_PX * min(len(bars), _MOST_BARS) + _AXIS_PX))
+        self._name_below()
         self.setXRange(-0.5, len(bars) - 0.5, padding=0)
         self.setYRange(0, 1.1 * max(bar.high_mm for bar in bars))
 
-    def _name_below(self, bars: list[Bar]) -> None:
-        letters = max(_LETTERS, _LETTERS_IN_ALL // len(bars))
-        # A name that is wider than its place would be left out.
+    def clear_all(self) -> None:
+        """Remove everything."""
+        self._bars = []
+        self.setMinimumWidth(self._narrowest_px)
+        super().clear_all()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        if getattr(self, "_bars", None):
+            self._name_below()
+
+    def _name_below(self) -> None:
+        axis, bars = self.getAxis("bottom"), self._bars
+        # A name that is wider than its place would be left out, or run into the next.
+        place_px = (self.width() - self.getAxis("left").width()) / len(bars)
+        letter_px = QFontMetricsF(axis.style["tickFont"] or self.font()).averageCharWidth()
+        letters = int(min(max(place_px / letter_px, _LETTERS[0]), _LETTERS[1]))
         below = [fill(bar.name, letters) + f"\n{_left(bar):.2f} mm" for bar in bars]
-        axis = self.getAxis("bottom")
         axis.setTicks([list(enumerate(below))])
         # Of itself the axis makes room for one line and its title.
         lines = max(text.count("\n") for text in below) + 1

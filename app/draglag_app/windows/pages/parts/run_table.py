@@ -7,13 +7,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 from PySide6.QtCore import QCoreApplication, Qt, Signal
-from PySide6.QtGui import QBrush, QColor
+from PySide6.QtGui import QBrush, QColor, QResizeEvent
 from PySide6.QtWidgets import QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
 from draglag.latency import RunEstimate
 from draglag.recording import Run
 from draglag_app.windows.parts.plain import plain
-from draglag_app.windows.parts.theme import theme
+from draglag_app.windows.parts.theme import theme, wide
 from draglag_app.windows.parts.widgets import set_up_table
 from draglag_app.windows.wording import words
 
@@ -26,6 +26,7 @@ def tr(text: str) -> str:
 
 COMMENT = 6
 """The column of comments."""
+_NARROW_PX = 580  # with less, verdicts would be out of sight
 _NOTHING = 2  # rank of a cell without a value, after numbers and texts
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
@@ -72,6 +73,11 @@ class RunTable(QTableWidget):
             self.horizontalHeader().setSortIndicatorShown(True)
             self.horizontalHeader().setSortIndicator(0, Qt.SortOrder.AscendingOrder)
             self.setSortingEnabled(True)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        if not self._browsed and self.width() < wide(_NARROW_PX):
+            self.show_first_columns()
 
     def show_first_columns(self) -> None:
         """Put latency and verdict next to the run."""

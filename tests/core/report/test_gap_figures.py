@@ -1,0 +1,99 @@
+"""The bars of a gap report: what is provisional looks it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import to_hex
+
+from draglag.drawing import style
+from draglag.exchange import read_exchange
+from draglag.gap import close_gap
+from draglag.gap.provisional import Provisional
+from draglag.gap.results import GapReport, Step
+from draglag.report.gap import write_gap_report
+from draglag.report.gap_figures import waterfall
+
+SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
+NONE = np.zeros(2)
+UNNAMED = Provisional(
+    "unnamed:session_time", "session_time", "latency", 0.8, 0.25, 0.12, 0.1, True, NONE, NONE, NONE, NONE
+)
+
+
+def step(effect: str, before_mm: float, after_mm: float, probability: float) -> Step:
+    return Step(effect, {}, "", "speed", 1e-6, "", before_mm, after_mm, probability)
+
+
+def made_of(*steps: Step) -> GapReport:
+    return GapReport(
+        "s", "unexplained", steps=steps, unexplained_by="session_time", gap_first_mm=0.6, gap_last_mm=0.25,
+        noise_floor_mm=0.1,
+    )  # fmt: skip
+
+
+SURE, DOUBTED = step("clock_drift", 0.6, 0.3, 0.9), step("beam_bow", 0.3, 0.25, 0.1)
+
+
+def bars(drawn: Any) -> list[tuple[str, float, bool, str]]:
+    """Name, height, whether hatched, and colour of each bar, from left to right."""
+    (axes, *_) = drawn.axes
+    found = sorted(axes.patches, key=lambda bar: bar.get_x())
+    names = [text.get_text() for text in axes.get_xticklabels()]
+    return [
+        (name, bar.get_height(), bool(bar.get_hatch()), to_hex(bar.get_edgecolor()))
+        for name, bar in zip(names, found, strict=True)
+    ]
+
+
+def legend(drawn: Any) -> dict[str, bool]:
+    """Words in the legend, and whether what stands next to them is hatched."""
+    found = drawn.axes[0].get_legend()
+    hatched = [bool(getattr(one, "get_hatch", lambda: None)()) for one in found.legend_handles]
+    return dict(zip((text.get_text() for text in found.get_texts()), hatched, strict=True))
+
+
+def test_bars_of_what_is_provisional_are_hatched_marked_and_named_in_the_legend() -> None:
+    with style.house_style():
+        drawn = waterfall(made_of(SURE, DOUBTED), UNNAMED)
+        first, sure, doubted, unnamed = bars(drawn)
+    assert [bar[2] for bar in (first, sure, doubted, unnamed)] == [False, False, True, True]
+    assert [bar[1] for bar in (first, sure, doubted, unnamed)] == [0.6, 0.3, 0.25, 0.12]
+    assert "~" not in first[0] + sure[0]
+    assert "~" in doubted[0]
+    assert "~" in unnamed[0]
+    assert "the session time" in " ".join(unnamed[0].split())
+    assert doubted[3] == unnamed[3] != sure[3]
+    assert legend(drawn) == {"noise floor": False, "provisional": True}
+
+
+def test_without_anything_provisional_nothing_is_hatched() -> None:
+    with style.house_style():
+        drawn = waterfall(made_of(SURE))
+    assert [hatched for _, _, hatched, _ in bars(drawn)] == [False, False]
+    assert legend(drawn) == {"noise floor": False}
+
+
+def test_names_below_the_bars_of_a_full_figure_do_not_run_into_each_other() -> None:
+    third = step("direction_asymmetry", 0.25, 0.2, 0.2)
+    with style.house_style():
+        drawn = waterfall(made_of(SURE, DOUBTED, third), UNNAMED)
+        drawn.draw_without_rendering()
+        boxes = [text.get_window_extent() for text in drawn.axes[0].get_xticklabels()]
+    assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
+
+
+def test_the_page_draws_the_provisional_term_that_it_reports(tmp_path: Path) -> None:
+    session = read_exchange(SAMPLE)
+    session = replace(session, runs=session.runs[:5])
+    report = close_gap(session, max_effects=0)
+    for unnamed in (None, UNNAMED):
+        text = write_gap_report(session, report, tmp_path / "gap.html", provisional=unnamed).read_text("utf-8")
+        steps = re.findall(r"<svg.*?</svg>", text, re.DOTALL)[0]
+        assert ("Provisional term unnamed:session_time" in text) is (unnamed is not None)
+        assert ("<pattern" in steps) is (unnamed is not None)  # what a hatched area is filled with
