@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from app.session_rigs import Recording, Wrapped, fast_rig, of_role, protocol, replaced
+from draglag.analysis import AnalysisOptions, analyze
 from draglag.recording import empty_laser
 from draglag.store import read_session
 from draglag_app.session import Control, events
@@ -98,3 +99,17 @@ def test_a_run_that_goes_wrong_again_and_again_is_given_up(tmp_path):
     ids = ("run-01", "run-01-2", "run-01-3", "run-01-4")
     recording = Recording(protocol(300), fast_rig(), tmp_path / "s.h5", aborting(*ids), Control(retries=True))
     assert [run_id for run_id, _ in outcomes(recording)] == list(ids[:MOST_ATTEMPTS])
+
+
+def test_a_practice_run_is_recorded_and_kept_out_of_the_curve(tmp_path):
+    first = protocol(300).runs[0].model_copy(update={"practice": True})
+    plan = protocol(200, 400, 500, 700, 900)
+    plan = plan.model_copy(update={"runs": (first, *plan.runs)})
+    recording = Recording(plan, fast_rig(), tmp_path / "s.h5")
+    session = read_session(recording.path)
+    assert [run.outcome for run in session.runs] == ["complete"] * 6
+    found = analyze(session)
+    assert found.excluded == {"run-01": "practice"}
+    included = analyze(session, AnalysisOptions(include=frozenset({"run-01"})))
+    assert included.excluded == {}
+    assert included.curve.n_points == found.curve.n_points + 1

@@ -11,6 +11,7 @@ import numpy as np
 
 from draglag.errors import DraglagError
 from draglag.instruments.orientation import WORDS, wrong_way_round
+from draglag.latency.conduct import PRACTICE
 from draglag.messages import chained, joined, message
 from draglag.protocol.runs import PlannedRun, Protocol
 from draglag.protocol.targets import Tap
@@ -249,7 +250,7 @@ class Conductor:
             if planned.note:
                 self._watch.log("info", "protocol", planned.note)
             if planned.practice:
-                self._watch.log("info", "protocol", message("practice"))
+                self._watch.log("info", PRACTICE, message("practice run, not for the curve"))
         except DraglagError:
             return self._time.now(), Signal.FAILURE
         self._display.show(planned.target, start_s)

@@ -13,6 +13,8 @@ from draglag.recording import FloatArray, Run, Session
 
 # Source of the entry in a run's log that says that the recording program, or its computer, stood still.
 STANDSTILL = "standstill"
+# Source of the entry that says that the run was one to practise with.
+PRACTICE = "practice"
 # Share of the passes the touch trace shows of which the laser reported both edges; less is "most of it is missing".
 FEWEST_PASSES = 0.5
 # Measured over nominal speed. People fall behind fast targets by a fifth; a run that is half or twice as fast as
@@ -20,7 +22,9 @@ FEWEST_PASSES = 0.5
 NOTICEABLY, FAR = 1.25, 2.0
 # Second half over first half of a run: a mean over two speeds is no point of a curve that bends.
 CHANGED = 1.5
-EXCLUDED = ("aborted", "device_lost", "failed", STANDSTILL, "laser_missing", "far_from_nominal", "speed_changed")
+EXCLUDED = (
+    "aborted", "device_lost", "failed", PRACTICE, STANDSTILL, "laser_missing", "far_from_nominal", "speed_changed"
+)  # fmt: skip
 
 
 def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
@@ -75,7 +79,8 @@ def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session,
 
 def _outcome(run: Run) -> list[str]:
     flags = [] if run.outcome == "complete" else [run.outcome]
-    return flags + [STANDSTILL] * any(entry.source == STANDSTILL for entry in run.log)
+    sources = {entry.source for entry in run.log}
+    return flags + [one for one in (PRACTICE, STANDSTILL) if one in sources]
 
 
 def _ratio(one: float, other: float) -> float:

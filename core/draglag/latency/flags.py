@@ -15,6 +15,7 @@ MEANING = {
     "aborted": "the run was aborted: it is not in the curve; record it again, or include it by hand",
     "device_lost": "a device was lost during the run: it is not in the curve; record it again, or include it by hand",
     "failed": "the run failed: it is not in the curve; record it again, or include it by hand",
+    "practice": "the run was practice: it is not in the curve; include it by hand if it should be",
     "standstill": "the program or the computer stood still during the run: it is not in the curve; record it again",
     "laser_missing": "the laser saw less than half of the passes: it is not in the curve; check the laser's alignment",
     "far_from_nominal": "the speed was less than half or more than twice the nominal one: it is not in the curve",

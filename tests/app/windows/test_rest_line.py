@@ -126,6 +126,8 @@ def test_a_good_run_says_its_latency_and_one_with_flags_names_them_all() -> None
     several = replace(ONE, flags=("few_edges", "off_speed"))
     four = replace(ONE, latency_s=None, flags=("few_edges", "unidentifiable", "little_travel", "alias"))
     assert verdict_words(good, preliminary=False) == ("good", "✓ 38.7 ± 0.1 ms", "")
+    practised = replace(good, flags=("practice", "few_edges"))
+    assert verdict_words(practised, preliminary=False) == ("", "practice: 38.7 ± 0.1 ms", "")
     assert verdict_words(ONE, preliminary=False) == ("warning", "▲ few edges: repeat? F7", "")
     assert verdict_words(several, preliminary=False) == ("warning", "▲ few edges, off speed", "")
     assert verdict_words(four, preliminary=False, queued=True) == (

@@ -23,6 +23,7 @@ _SOURCES = {
     "operator": QT_TRANSLATE_NOOP("Source", "operator"),
     "participant": QT_TRANSLATE_NOOP("Source", "participant"),
     "standstill": QT_TRANSLATE_NOOP("Source", "computer"),
+    "practice": QT_TRANSLATE_NOOP("Source", "protocol"),
 }
 
 # Why a run ended that the participant's window was asked to end.

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from PySide6.QtCore import QCoreApplication
 
 from draglag.latency import RunEstimate
+from draglag.latency.conduct import PRACTICE
 from draglag_app.windows.wording import words
 
 # So many of the large letters have room next to the buttons of a rest, at 1280 px.
@@ -19,12 +20,14 @@ def tr(text: str) -> str:
 
 
 def verdict_words(estimate: RunEstimate, preliminary: bool, queued: bool = False) -> tuple[str, str, str]:
-    """(level, words, more): "✓ 38.7 ± 0.1 ms" or "▲ few edges: repeat? F7".
+    """(level, words, more): "✓ 38.7 ± 0.1 ms", "▲ few edges: repeat? F7" or "practice: 38.7 ± 0.1 ms".
 
     ``more``: what has no room. ``queued``: repeated anyway.
     """
     if preliminary:
         return "", words.latency_text(estimate) + " …", ""
+    if PRACTICE in estimate.flags:
+        return "", tr("practice: {latency}").format(latency=words.latency_text(estimate)), ""
     level, reasons = words.verdict_parts(estimate)
     if level == "ok":
         return "good", "✓ " + words.latency_text(estimate), ""
