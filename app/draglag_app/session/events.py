@@ -20,6 +20,8 @@ def _floats() -> FloatArray:
 
 @dataclass(frozen=True)
 class DeviceOpened:
+    """A source is open; once each, before any run."""
+
     role: str
     address: str
     description: str
@@ -56,6 +58,8 @@ class RunQueued:
 
 @dataclass(frozen=True)
 class RunStarted:
+    """The target moves, since ``start_s``."""
+
     run_id: str
     planned: PlannedRun
     start_s: float
@@ -127,6 +131,8 @@ class DeviceFault:
 
 @dataclass(frozen=True)
 class NoticeRaised:
+    """A notice for the operator; ``source``: who noticed, as "laser", "file" or "operator"."""
+
     t_s: float
     level: str  # "info" | "warning" | "error"
     source: str
@@ -136,6 +142,8 @@ class NoticeRaised:
 
 @dataclass(frozen=True)
 class DiskStatus:
+    """Free space, and size of the file so far."""
+
     free_bytes: int
     file_bytes: int
 

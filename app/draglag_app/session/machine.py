@@ -1,4 +1,13 @@
-"""A run's states; it has exactly one outcome."""
+"""A run's states; it has exactly one outcome.
+
+::
+
+    IDLE ─► PREPARING ─► COUNTDOWN ─► RECORDING ─► CLOSING ─► FINISHED
+      │         │            │            │           ▲           ▲
+      │         └────────────┴────────────┴───────────┘           │
+      │            aborted, device lost or failed                 │
+      └───────────────────────────────────────────────────────────┘
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -67,6 +68,17 @@ class CurveFit:
         """Half the 95 % interval of every parameter."""
         return {name: self._reach(0.95) * error for name, error in self.standard_errors.items()}
 
+    @property
+    def correlations(self) -> Mapping[tuple[str, str], float]:
+        """Of every two fitted parameters, the strongest first; without those at a bound or tied."""
+        free = [(name, k) for k, name in enumerate(FORMS[self.form].names) if self.covariance[k, k] > 0]
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 0))
+        pairs = {
+            (one, other): float(self.covariance[i, j] / (spread[i] * spread[j]))
+            for (one, i), (other, j) in combinations(free, 2)
+        }
+        return dict(sorted(pairs.items(), key=lambda item: -abs(item[1])))
+
     def _reach(self, level: float) -> float:
         return float(stdtrit(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2))
 
@@ -116,7 +128,8 @@ class CurveFit:
 
     def _repr_html_(self) -> str:
         half = self.half_intervals
-        rows = [(name, value, half[name]) for name, value in self.parameters.items()]
+        # A parameter at a bound, or tied without an error, has no interval: a dash, not ± 0.
+        rows = [(name, value, half[name] or None) for name, value in self.parameters.items()]
         return table_html(f"Curve: {self.form.replace('_', ' ')}", ["parameter", "value", "± (95 %)"], rows)
 
     def plot(self, ax: Any = None) -> Any:

@@ -52,6 +52,25 @@ def test_the_band_covers_the_truth() -> None:
     assert np.mean(inside) > 0.88  # 95 % pointwise; 60 correlated curves scatter it by a few percent
 
 
+def test_correlations_are_those_of_repeated_measurements() -> None:
+    fits = [fit_form(points(TABLE_2[0], 3e-4, seed), "double_exponential") for seed in range(100)]
+    found = np.corrcoef([list(fit.parameters.values()) for fit in fits], rowvar=False)
+    names = list(fits[0].parameters)
+    stated = fits[0].correlations
+    assert len(stated) == 10
+    assert list(stated.values()) == sorted(stated.values(), key=lambda r: -abs(r))
+    for (one, other), r in stated.items():
+        # Fisher's transform of a correlation over n fits has a standard deviation of 1 / sqrt(n - 3).
+        assert np.arctanh(found[names.index(one), names.index(other)]) == pytest.approx(np.arctanh(r), abs=0.45)
+
+
+def test_a_coefficient_at_its_bound_is_shown_without_an_interval() -> None:
+    flat = fit_form(CurvePoints(SPEEDS, np.full(16, 0.05), np.full(16, 1e-3)), "double_exponential")
+    assert flat.parameters["a1_ms"] == 0
+    assert flat.correlations == {}
+    assert flat._repr_html_().count("<td>–</td>") == 4
+
+
 def test_a_tied_asymptote_hands_its_own_error_on() -> None:
     """Refitted with taps off by one standard error, coefficients move as the covariance says."""
     exact = points(TABLE_2[1])
