@@ -96,7 +96,7 @@ class TouchTrace:
     """Touch events (n,) of one contact at a time, in order of their kernel stamps.
 
     Attributes:
-        contact_id: the kernel's tracking id; a change marks a new contact.
+        contact_id: the kernel's tracking id, counted on after a reconnection; a change marks a new contact.
         x_raw, y_raw: device units, or empty.
         device_t_s: the digitiser's own stamps (MSC_TIMESTAMP), or empty.
         gaps_s: (k, 2) incomplete stretches. dropped: events known to be lost.

@@ -1,4 +1,7 @@
-"""The writer thread, the only one that touches the file. Data are saved before events about them are emitted."""
+"""The writer thread, the only one that touches the file while it records.
+
+Data are saved before events about them are emitted. Events outside runs are shown and not kept.
+"""
 
 from __future__ import annotations
 

@@ -14,9 +14,9 @@ from draglag.gap.fitting.heldout import floor_mm, gap_mm
 from draglag.gap.fitting.joint import Fit, effects_in
 from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.fitting.signatures import COLUMNS
+from draglag.gap.posterior.answer import answer_of
 from draglag.gap.posterior.judge import Judgement
 from draglag.gap.posterior.pool import Pool, compared
-from draglag.gap.posterior.verdict import answer_of
 from draglag.gap.results import GapReport, Step
 from draglag.gap.steps import deviance_gained
 from draglag.gap.streams.evidence import inspect

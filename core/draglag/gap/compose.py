@@ -17,9 +17,9 @@ from draglag.gap.fitting.model import Geometry, LawParameters
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.signatures import COLUMNS
 from draglag.gap.fitting.state import Term
+from draglag.gap.posterior.answer import answer_of
 from draglag.gap.posterior.judge import grown, judged
 from draglag.gap.posterior.pool import Pool, compared
-from draglag.gap.posterior.verdict import answer_of
 from draglag.gap.replaying.realised import made
 from draglag.gap.results import Step
 from draglag.gap.session_check import times_out_of_order
@@ -228,9 +228,9 @@ def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Ste
         return shown
     judgement = judged(gap.session, gap.fit, allowed, gap.pool.unsure_ages)
     inside = effects_in(gap.fit)
-    verdict = answer_of(judgement.pool)
+    answer = answer_of(judgement.pool)
     out = []
-    for effect in verdict.effects:
+    for effect in answer.effects:
         wanted = tuple(sorted({*inside, effect}))
         fits = judgement.fits
         if effect in inside or wanted == inside:
@@ -238,7 +238,7 @@ def name(gap: Gap, candidates: Collection[str] | str | None = None) -> tuple[Ste
         if wanted not in fits:
             fits = grown(gap.session, fits, judgement.pool, wanted)
         if wanted in fits:
-            out.append(step_of(gap.session, judgement, verdict, allowed, effect, judgement.base, fits[wanted]))
+            out.append(step_of(gap.session, judgement, answer, allowed, effect, judgement.base, fits[wanted]))
     return tuple(sorted(out, key=lambda step: -step.probability))
 
 

@@ -62,7 +62,8 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, p
 class Step:
     """One effect added.
 
-    parameters: name → (value, 95 % interval). p_value: likelihood ratio. gaps: on held-out runs. probability: of it or
+    parameters: name → (value, 95 % interval). p_value: likelihood ratio; 1e-9 where the
+    streams show it, 1 − probability by taps. gaps: on held-out runs. probability: of it or
     one indistinguishable from it.
     """
 

@@ -14,10 +14,10 @@ from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
 from draglag.gap.fitting.parameters import parameters_of, where_of
+from draglag.gap.posterior.answer import Answer, answer_of
 from draglag.gap.posterior.judge import Judgement, grown
 from draglag.gap.posterior.pool import Names
 from draglag.gap.posterior.search import log_evidence
-from draglag.gap.posterior.verdict import Answer, answer_of
 from draglag.gap.proposing.proposals import shown_by_traces
 from draglag.gap.replaying.realised import made
 from draglag.gap.results import BY_TAPS, GapReport, LawStatement, NoisePart, Step, Tolerated, next_to_unnamed

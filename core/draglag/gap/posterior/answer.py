@@ -22,12 +22,12 @@ REPORTED = 0.95  # of the mass
 
 @dataclass(frozen=True)
 class Answer:
-    """Verdict of a pool: no_gap | explained | unexplained.
+    """What a pool says before held-out runs and the session simulated again are asked.
 
-    explanations: ``unexplained`` if unnamed. tolerated: covariate or effect id, probability, size in mm.
+    unexplained_by: covariate of what has no name, None without. explanations: ``unexplained`` if unnamed. tolerated:
+    covariate or effect id, probability, size in mm.
     """
 
-    verdict: str
     effects: Names
     unexplained_by: str | None
     probability: float
@@ -36,7 +36,7 @@ class Answer:
 
 
 def answer_of(pool: Pool) -> Answer:
-    """Verdict of a pool."""
+    """The most probable explanation, and those that share the mass."""
     sets: dict[Names, float] = {}
     leading: dict[Names, Names] = {}
     for names, p in pool.probabilities().items():
@@ -54,9 +54,8 @@ def answer_of(pool: Pool) -> Answer:
     ranked = sorted(sets.items(), key=lambda item: -item[1])
     best, p = ranked[0]
     names = leading[best]
-    verdict = "unexplained" if best == ("unexplained",) else "explained" if best else "no_gap"
     by = None
-    if verdict == "unexplained":
+    if best == ("unexplained",):
         by = SCATTER if scatters else _leading_covariate(pool, names)
     shown, total = [], 0.0
     for key, share in ranked:
@@ -65,7 +64,7 @@ def answer_of(pool: Pool) -> Answer:
         if total > REPORTED:
             break
     effects = _that_stand(pool, names)
-    return Answer(verdict, effects, by, min(p, constants.STATED_AT_MOST), tuple(shown), _tolerated(pool, names))
+    return Answer(effects, by, min(p, constants.STATED_AT_MOST), tuple(shown), _tolerated(pool, names))
 
 
 def _that_stand(pool: Pool, names: Names) -> Names:
