@@ -186,18 +186,23 @@ def _judge(role: str, observed: _Observed, screen: Screen | None) -> Iterator[Ch
     if role == "touch":
         yield from _touch(observed, screen)
     elif role == "laser":
-        bad = observed.missed > 0
-        yield Check("laser edges", "warning" if bad or not observed.edges else "ok",
-                    message("{edges} seen, {missed} missed", edges=observed.edges, missed=observed.missed),
-                    message("{n} missed", n=0),
-                    message("check the light level and the beam") if bad else
-                    "" if observed.edges else message("break the beam while checking"))  # fmt: skip
+        yield _edges(observed)
     if role != "touch":
         yield from _clock(role, observed)
     distinct: dict[str, Notice] = {notice.text: notice for notice in observed.notices}
     for notice in distinct.values():
         if notice.level != "info":
             yield Check(role, "fault" if notice.level == "error" else "warning", notice.text)
+
+
+def _edges(observed: _Observed) -> Check:
+    bad, remedy = observed.missed > 0, ""
+    if bad:
+        remedy = message("check the light level and the beam")
+    elif not observed.edges:
+        remedy = message("break the beam while checking; if you did, it misses the sensor or passes above the stylus")
+    measured = message("{edges} seen, {missed} missed", edges=observed.edges, missed=observed.missed)
+    return Check("laser edges", "warning" if remedy else "ok", measured, message("{n} missed", n=0), remedy)
 
 
 def _touch(observed: _Observed, screen: Screen | None) -> Iterator[Check]:

@@ -32,12 +32,15 @@ class Discovers(Protocol):
         ...
 
 
+SIMULATED = Found("sim:", ("touch", "laser", "walt"), message("simulated rig (any screen of the presets)"))
+
+
 def discover(probe: Collection[str] = ()) -> list[Found]:
     """The simulator and each driver's devices; a driver without its package gives a remedy.
 
     ``probe``: interfaces to ask for EtherCAT devices although in use.
     """
-    found = [Found("sim:", ("touch", "laser", "walt"), message("simulated rig (any screen of the presets)"))]
+    found = [SIMULATED]
     for scheme, module_name in DRIVERS.items():
         try:
             module = importlib.import_module(module_name)

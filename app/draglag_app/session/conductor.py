@@ -24,6 +24,7 @@ from draglag_app.session.machine import RunState, Signal, advance
 from draglag_app.session.options import SessionOptions
 from draglag_app.session.place import resume_elsewhere
 from draglag_app.session.recorder import Recorder
+from draglag_app.session.unseen import no_edges, no_touch
 from draglag_app.session.verdict import went_wrong
 from draglag_app.session.watch import STUCK_S, Watch
 from draglag_devices.rig import Rig
@@ -91,8 +92,8 @@ class Conductor:
             self._watch.pulse.stop()
 
     def _run_steps(self, plan: tuple[PlannedRun, ...]) -> None:
-        for k, step in enumerate(self._steps(plan)):
-            if k and not self._between():
+        for k, (what, step) in enumerate(self._steps(plan)):
+            if k and not self._between(what):
                 break
             self._last = None
             step()
@@ -104,23 +105,23 @@ class Conductor:
         if self._ran and not self._touched and not self.problem:
             self.problem = NO_TOUCH
 
-    def _steps(self, plan: tuple[PlannedRun, ...]) -> Iterator[Callable[[], None]]:
+    def _steps(self, plan: tuple[PlannedRun, ...]) -> Iterator[tuple[str, Callable[[], None]]]:
         taps, check = self._protocol.taps, self._protocol.clock_check
         if check is not None:
-            yield lambda: self._clock_check(check.duration_s)
+            yield "clocks", lambda: self._clock_check(check.duration_s)
         if taps is not None and taps.when in ("start", "both"):
-            yield lambda: self._taps(taps.count, taps.interval_s)
+            yield "taps", lambda: self._taps(taps.count, taps.interval_s)
         for number, planned in enumerate(plan, 1):
-            yield partial(self._planned, planned, number, len(plan))
+            yield "run", partial(self._planned, planned, number, len(plan))
         while self._control.queued:
-            yield partial(self._once_more, self._control.queued[0])
+            yield "run", partial(self._once_more, self._control.queued[0])
         if taps is not None and taps.when in ("end", "both"):
-            yield lambda: self._taps(taps.count, taps.interval_s)
+            yield "taps", lambda: self._taps(taps.count, taps.interval_s)
         if check is not None and self._protocol.checks_clocks_twice:
-            yield lambda: self._clock_check(check.duration_s)
+            yield "clocks", lambda: self._clock_check(check.duration_s)
 
-    def _between(self) -> bool:
-        while self._rest():
+    def _between(self, coming: str) -> bool:
+        while self._rest(coming):
             repeat = self._control.take_repeat()
             if self._last is None or not repeat:
                 return True
@@ -258,14 +259,14 @@ class Conductor:
         return start_s, None
 
     def _follow(self, planned: PlannedRun, start_s: float, end_s: float) -> Signal | None:
-        reported = False
+        turned = dark = False
         for after_s in CHECKS_AFTER_S:
             signal = self._watch.wait_until(min(start_s + after_s, end_s), RUN_ROLES, frames=True)
             if signal is not None:
                 return signal
-            reported = reported or self._check_orientation(planned, start_s)
-            if after_s == TOUCHED_AFTER_S and start_s + after_s < end_s:
-                self._check_touch(planned.id, after_s)
+            turned = turned or self._check_orientation(planned, start_s)
+            if after_s >= TOUCHED_AFTER_S and start_s + after_s < end_s:
+                dark = dark or self._check_seen(after_s)
         return self._watch.wait_until(end_s, RUN_ROLES, frames=True)
 
     def _check_orientation(self, planned: PlannedRun, start_s: float) -> bool:
@@ -283,16 +284,17 @@ class Conductor:
             )
         return wrong is not None
 
-    def _check_touch(self, run_id: str, after_s: float) -> None:
+    def _check_seen(self, after_s: float) -> bool:
         run = self._saver.call(self._saver.so_far)
-        if run is not None and not len(run.touch.t_s):
-            words = message(
-                "No touch has come in the first {seconds:.0f} s of {run}: check that the stylus is on the screen under "
-                "test and that this is the touchscreen in use.",
-                seconds=after_s,
-                run=run_id,
-            )
-            self._watch.log("warning", "touch", words)
+        if run is None:
+            return False
+        untouched = no_touch(run, after_s) if after_s == TOUCHED_AFTER_S else ""
+        if untouched:
+            self._watch.log("warning", "touch", untouched)
+        dark = no_edges(run, self._options.beam, self._options.screen)
+        if dark:
+            self._watch.log("warning", "laser", dark)
+        return bool(dark)
 
     def _preview(self, end_s: float) -> None:
         self._time.advance_to(end_s + PREVIEW_S)
@@ -363,12 +365,12 @@ class Conductor:
         self._watch.wait_until(self._time.now() + duration_s, ())
         self._display.prompt("")
 
-    def _rest(self) -> bool:
+    def _rest(self, coming: str = "run") -> bool:
         self._control.take_abort()
         self._display.prompt(message("Rest"))
         by_hand = not self._control.auto
         until_s = self._time.now() + (np.inf if by_hand else self._protocol.rest_s)
-        self._emit(events.Resting(until_s - self._time.now()))
+        self._emit(events.Resting(until_s - self._time.now(), coming, self._last is not None))
         # Who asks for the run again has said what is next; who aborts between runs has nothing to abort.
         self._watch.wait_until(
             until_s,

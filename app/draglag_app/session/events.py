@@ -40,9 +40,17 @@ class StateChanged:
 
 @dataclass(frozen=True)
 class Resting:
-    """A rest began; ``remaining_s`` is infinite where the operator ends it."""
+    """A rest began.
+
+    Attributes:
+        remaining_s: infinite where the operator ends it.
+        coming: what follows: "run", "taps" or "clocks".
+        repeats: whether the last run can be recorded again.
+    """
 
     remaining_s: float
+    coming: str = "run"
+    repeats: bool = True
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,9 @@ def export_as(window: OperatorWindow, kind: str) -> None:
         ask_new_folder(window, tr("Export into which (new or empty) folder?"), proposed(window, "csv"), begin)
         return
     suffix = {"netcdf": "nc", "mat": "mat"}[kind]
+    title = tr("Export netCDF") if kind == "netcdf" else tr("Export MATLAB")
     start = proposed(window, "export").with_suffix(f".{suffix}")
-    ask_save(window, tr("Export session"), start, f"*.{suffix}", begin)
+    ask_save(window, title, start, f"*.{suffix}", begin)
 
 
 def export_figures(window: OperatorWindow) -> None:

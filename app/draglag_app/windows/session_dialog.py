@@ -136,7 +136,8 @@ class SessionDialog(QDialog):
             settings = self._space.settings.model_copy(update=self._changes())
             screen = load_screen_file(str(self.screen_box.currentData())).name
             path = session_path(settings, self._space.protocol.name, screen)
-            self.preview.setText(self.tr("Saved as {name}").format(name=path.name))
+            said = self.tr("Saved as {name} in {folder}")
+            self.preview.setText(said.format(name=path.name, folder=path.parent))
             problem = ""
         except DraglagError as error:
             problem = in_words(error.message)

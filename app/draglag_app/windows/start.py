@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -68,7 +69,20 @@ def obstacles(space: Workspace) -> list[Obstacle]:
         )
         found.append(Obstacle("bench", tr("choose the instruments"), sentence, True))
     turned = [Obstacle("geometry", tr("check the screen"), sentence) for sentence in _misplaced(space)]
+    unwritable = folder_problem(Path(space.settings.folder))
+    if unwritable:
+        found.append(Obstacle("preferences", tr("choose another folder"), unwritable, True))
     return found + turned
+
+
+def folder_problem(folder: Path) -> str:
+    """Why no session can be saved there, as far as can be seen without writing; else empty."""
+    folder = folder.absolute()
+    there = next((one for one in (folder, *folder.parents) if os.path.lexists(one)), folder)  # the rest is made
+    if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
+        return ""
+    sentence = tr("Nothing can be saved in {folder}: choose another folder for sessions on the page Preferences.")
+    return sentence.format(folder=folder)
 
 
 def _misplaced(space: Workspace) -> list[str]:

@@ -41,15 +41,15 @@ def steps_of(found: Sequence[Obstacle], faults: Sequence[str]) -> tuple[Step, ..
     """The four steps; ``faults``: of instruments."""
     made = []
     for page in STEPS:
-        here = [obstacle for obstacle in found if obstacle.page == page]
+        here = [obstacle for obstacle in found if page == (obstacle.page if obstacle.page in STEPS else "record")]
         missing = [obstacle.short for obstacle in here]
         if page == "bench" and faults:
             missing.append(tr("an instrument is at fault"))
         made.append(Step(page, ", ".join(missing), any(obstacle.hopeless for obstacle in here)))
-    if any(step.missing for step in made):
+    if any(step.missing for step in made[:-1]):
         blocks = any(step.blocks for step in made)
         made[-1] = Step("record", tr("waits for the steps before") if blocks else tr("see the steps before"), blocks)
-    else:
+    elif not made[-1].missing:
         made[-1] = Step("record", tr("press Start"), next=True)
     return tuple(made)
 
@@ -84,7 +84,7 @@ class StepGuide(QFrame):
             made.setText(text)
             made.setToolTip(plain(text))
             made.setAccessibleName(f"{name}: {tr('done') if done else step.missing}")
-            self.row.setStretchFactor(made, 1 if done else 3)  # what is missing needs the room
             state = "next" if step.next else "blocked" if step.blocks else "open"
             restyle(made, "state", "done" if done else state)
             restyle(made, "present", "true" if step.page == present else "false")
+            self.row.setStretchFactor(made, made.sizeHint().width())  # each as wide as its words need

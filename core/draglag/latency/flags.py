@@ -2,6 +2,7 @@
 
 MEANING = {
     "no_touch": "no touch events: was the stylus on the screen, and is the touch device the right one?",
+    "no_edges": "the laser saw nothing: is the beam on the sensor, and low enough for the stylus to block it?",
     "few_edges": "fewer than eight usable edges: the interval is wide; let the run last longer",
     "at_window_end": "the best latency lies at the end of the searched window: widen the window",
     "unidentifiable": "the data do not determine a latency: more edges, more sideways travel, both directions",
@@ -11,7 +12,7 @@ MEANING = {
     "little_travel": "the circle's centre travels less than a quarter of its diameter: slope and latency look alike",
     "excess_scatter": "the edges scatter more than the touch noise explains",
     "missed_edges": "the sensor reported edges that it could not stamp",
-    "device_gap": "a device was away during the run",
+    "device_gap": "a device was away or was read too late during the run: samples may be missing; close other programs",
     "aborted": "the run was aborted: it is not in the curve; record it again, or include it by hand",
     "device_lost": "a device was lost during the run: it is not in the curve; record it again, or include it by hand",
     "failed": "the run failed: it is not in the curve; record it again, or include it by hand",

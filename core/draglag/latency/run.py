@@ -35,6 +35,8 @@ def estimate_run(
     except EstimateError:
         return replace(blank, flags=("no_touch",))
     blank = replace(blank, stamps=ready.stamps, n_edges=ready.edges.t_s.size, n_rejected=ready.edges.n_rejected)
+    if not run.laser.t_s.size:
+        return replace(blank, flags=("no_edges",))
     if ready.edges.t_s.size < FEWEST_EDGES:
         return replace(blank, flags=("few_edges", "unidentifiable"))
     try:

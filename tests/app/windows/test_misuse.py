@@ -110,7 +110,7 @@ def test_a_folder_that_cannot_be_written_is_reported_and_start_stays(open_window
     (tmp_path / "file").write_text("")
     window.space.change_settings(folder=str(tmp_path / "file" / "sessions"))
     window.ask("start")
-    assert "cannot be made" in window.notice_text.text()
+    assert "Nothing can be saved" in window.notice_text.text()
     assert not window.space.recording.active
     assert window.record.buttons["start"].isVisible()
 

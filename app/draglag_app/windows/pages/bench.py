@@ -21,7 +21,7 @@ from draglag_app.windows.wording.check_words import check_html, light_of, summar
 from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.addresses import ROLES
-from draglag_devices.discovery import Found, discover
+from draglag_devices.discovery import SIMULATED, Found, discover
 from draglag_devices.rig import make_rig
 
 # Drifts of clocks need longer; this is for whether all is in place.
@@ -45,6 +45,10 @@ def check_devices(addresses: dict[str, str], panel: PanelSettings, folder: Path,
     return [*found, *wrong]
 
 
+def _entry(found: Found) -> str:
+    return f"{found.address}  {in_words(found.description)}"
+
+
 class BenchPage(QWidget):
     """A row per role; this computer's devices."""
 
@@ -56,6 +60,7 @@ class BenchPage(QWidget):
         self._space = workspace
         self._found: list[Found] = []
         self._checking: Task | None = None
+        self._judged = False  # whether the list shows a check of the instruments in use
         self._shown: dict[str, str] = {}  # role → the address that its light and its words are about
         outer = QVBoxLayout(self)
         outer.setContentsMargins(16, 16, 16, 16)
@@ -103,6 +108,8 @@ class BenchPage(QWidget):
             box.setAccessibleName(names[role])
             box.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
             box.activated.connect(lambda index, role=role: self._address_chosen(role))
+            box.addItem(_entry(SIMULATED))  # there without looking
+            box.setCurrentIndex(-1)
             whole_text(box)
             edit = box.lineEdit()
             if edit is not None:
@@ -181,8 +188,13 @@ class BenchPage(QWidget):
 
     def _change_rig(self, **changes: object) -> None:
         rig = self._space.settings.rig.model_copy(update=changes)
-        if rig != self._space.settings.rig:
+        before = self._space.settings.rig
+        if rig != before:
             self._space.change_settings(rig=rig, first_start=False)
+        if rig.addresses() != before.addresses() and self._judged:
+            self._judged = False  # what was checked is in use no longer
+            self._list(self.tr("On this computer"), [])
+            self._space.noticed.emit("", "")
 
     def _simulate(self) -> None:
         self._change_rig(touch="sim:", laser="sim:", walt="sim:")
@@ -210,7 +222,7 @@ class BenchPage(QWidget):
         for role, box in self.boxes.items():
             text = box.currentText()
             box.clear()
-            box.addItems([f"{f.address}  {in_words(f.description)}" for f in found if role in f.roles])
+            box.addItems([_entry(one) for one in found if role in one.roles])
             box.setEditText(text)
             widen_list(box)
         rows = []
@@ -250,6 +262,7 @@ class BenchPage(QWidget):
             self.lights[result.role].set_state(result.state)
             self.words[result.role].setText(result.text)
         self._list(self.tr("Check of the rig"), [check_html(check) for check in checks])
+        self._judged = True
         self.checked.emit(results)
         self._space.noticed.emit(*summary(checks))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
@@ -17,6 +18,7 @@ from PySide6.QtWidgets import (
 from draglag_app.windows.pages.parts.keys_panel import KeysPanel
 from draglag_app.windows.parts.ask_files import ask_folder
 from draglag_app.windows.parts.widgets import Form, Panel, button, label
+from draglag_app.windows.start import folder_problem
 from draglag_app.windows.workspace import Workspace
 
 
@@ -106,6 +108,8 @@ class PreferencesPage(QWidget):
     def _changed(self, key: str, text: str) -> None:
         if text != getattr(self._space.settings, key) and (text or key == "operator"):
             self._space.change_settings(**{key: text})
+            problem = folder_problem(Path(text)) if key == "folder" else ""
+            self._space.noticed.emit("warning" if problem else "", problem)
 
     def _choose_folder(self) -> None:
         title, space = self.tr("Folder for sessions"), self._space

@@ -41,7 +41,11 @@ def tr(text: str) -> str:
 
 
 # What the button of an obstacle says, by the page that mends it.
-MEND = {"bench": lambda: tr("Choose instruments"), "geometry": lambda: tr("Check the geometry")}
+MEND = {
+    "bench": lambda: tr("Choose instruments"),
+    "geometry": lambda: tr("Check the geometry"),
+    "preferences": lambda: tr("Choose the folder"),
+}
 
 
 class RecordPage(QWidget):
@@ -62,6 +66,7 @@ class RecordPage(QWidget):
         self._missing: list[Obstacle] = []
         self._faults: list[str] = []
         self._resting, self._rest_s, self._rest_until_s, self._number = False, 0.0, 0.0, 0
+        self._coming, self._repeats = "run", True  # what the rest is followed by, whether F7 has a run to repeat
         self._ended: tuple[str, str] | None = None  # id and outcome of the run that ended last
         self.band = StateBand()
         self.band.pressed.connect(self._ask)
@@ -133,6 +138,7 @@ class RecordPage(QWidget):
         if recording:
             self._outcome = None
             self._ended, self._resting, self._number = None, False, 0
+            self._coming, self._repeats = "run", True
             self.table.clear_runs()
             self._enable(resting=False, running=False)
             self.band.say(self.tr("Opening the instruments"), "")
@@ -208,7 +214,7 @@ class RecordPage(QWidget):
         self._show_state()
 
     def _enable(self, resting: bool, running: bool) -> None:
-        self.band.enable(resting, running, self.table.rowCount() > 0)
+        self.band.enable(resting, running, self.table.rowCount() > 0 and self._repeats)
 
     def _prompted(self, event: Prompted) -> None:
         if self._phase not in (None, Phase.FINISHED):
@@ -225,6 +231,8 @@ class RecordPage(QWidget):
 
     def _rest_began(self, event: events.Resting) -> None:
         self._resting, self._rest_s = True, event.remaining_s
+        self._coming, self._repeats = event.coming, event.repeats
+        self._enable(resting=True, running=False)
         self._rest_until_s = time.monotonic() + event.remaining_s
         self._show_rest()
 
@@ -232,9 +240,11 @@ class RecordPage(QWidget):
         control, first = self._space.recording.control, not self.table.rowCount()
         again = control is not None and control.repeating and not first
         left_s = self._rest_until_s - time.monotonic()
-        session_s = in_rest_s(self._space.recording.left_s(self._number), self._rest_s, left_s)
+        planned_s = self._space.recording.left_s(self._number, tapped=self._coming == "clocks")
+        session_s = in_rest_s(planned_s, self._rest_s, left_s)
         level, verdict, more = self._verdict()
-        self.band.say(verdict or self.tr("Rest"), rest_words(left_s, session_s, first, again, more), level)
+        text = rest_words(left_s, session_s, first, again, more, self._coming, self._repeats)
+        self.band.say(verdict or self.tr("Rest"), text, level)
 
     def _verdict(self) -> tuple[str, str, str]:
         live = self._space.live

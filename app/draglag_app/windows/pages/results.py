@@ -109,8 +109,12 @@ class ResultsPage(QWidget):
         dialog.setWindowTitle(self.tr("Comment"))
         dialog.setLabelText(self.tr("Comment on {run}").format(run=run))
         dialog.setTextValue(self._space.comments.get(run, ""))
-        dialog.textValueSelected.connect(lambda text: self._space.comment(run, text.strip()))
+        dialog.textValueSelected.connect(lambda text: self._keep_comment(run, text.strip()))
         dialog.open()
+
+    def _keep_comment(self, run: str, text: str) -> None:
+        self._space.comment(run, text)
+        self.table.bring_comment(run)
 
     def _parts(self) -> QSplitter:
         large = wide(100) > LARGE_TEXT

@@ -204,6 +204,10 @@ class PlotFrame(pg.PlotWidget):
         self.getPlotItem().getAxis("bottom").write(x, self.width())
         self.getPlotItem().getAxis("left").write(y, self.height())
 
+    def say_empty(self, text: str = "") -> None:
+        """Words in place of data while there are none; empty: the usual ones."""
+        self._nothing.setText(text or tr("nothing yet"))
+
     def _show_emptiness(self) -> None:
         empty = not self._items
         self._nothing.setVisible(empty)

@@ -79,7 +79,7 @@ class Recording(QObject):
         except OSError as error:
             raise DataError(
                 message("{path}: cannot be made ({why})", path=order.out.parent, why=cause(error)),
-                "Choose another folder",
+                "Choose another folder for sessions on the page Preferences",
             ) from None
         self._plan = {planned.id: planned for planned in plan}
         display: Display = OffscreenDisplay()
@@ -112,15 +112,16 @@ class Recording(QObject):
         run_id = run if isinstance(run, str) else run.id
         return self._plan.get(run_id) or self._plan.get("-".join(run_id.split("-")[:2]))
 
-    def left_s(self, run_number: int) -> float:
-        """Time planned after that run (from 1), with queued runs."""
+    def left_s(self, run_number: int, tapped: bool = False) -> float:
+        """Time planned after that run (from 1), with queued runs; ``tapped``: the taps are done too."""
         order, control = self.order, self.control
         if order is None:
             return 0.0
         queued = control.queued if control is not None else ()
         again = [self._plan[run_id] for run_id in queued if run_id in self._plan]
         plan = [*list(self._plan.values())[run_number:], *again]
-        return planned_after_s(order.protocol, plan, order.options.countdown_s)
+        protocol = order.protocol.model_copy(update={"taps": None}) if tapped else order.protocol
+        return planned_after_s(protocol, plan, order.options.countdown_s)
 
     def stop_and_wait(self) -> None:
         """End the session, and wait until its file is closed."""

@@ -124,8 +124,10 @@ IN_BUTTONS = {
     "draw while checking": QT_TRANSLATE_NOOP(
         "Library", "press Check the rig again, and draw on the screen while it is watched"
     ),
-    "break the beam while checking": QT_TRANSLATE_NOOP(
-        "Library", "press Check the rig again, and move the stylus through the beam while it is watched"
+    "break the beam while checking; if you did, it misses the sensor or passes above the stylus": QT_TRANSLATE_NOOP(
+        "Library",
+        "press Check the rig again, and move the stylus through the beam while it is watched; if you did, the beam "
+        "misses the sensor or passes above the stylus: block it by hand",
     ),
     "measure the panel with a ruler, or calibrate": QT_TRANSLATE_NOOP(
         "Library", "on the page Geometry, press Show the bar and lay a ruler on it, or press Calibrate"

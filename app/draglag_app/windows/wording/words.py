@@ -13,6 +13,8 @@ from draglag.latency.flags import MEANING
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
 DASH = "–"
+# Below the first an interval is written with another digit; none is written narrower than the second.
+_SURE_S, _LEAST_S = 0.05e-3, 0.01e-3
 TARGETS = {
     "circle": QT_TRANSLATE_NOOP("Words", "circle"),
     "chirp": QT_TRANSLATE_NOOP("Words", "chirp"),
@@ -112,7 +114,8 @@ def latency_text(estimate: RunEstimate) -> str:
     if estimate.latency_ci95_s is None:
         return f"{ms(estimate.latency_s)} ms"
     half_s = (estimate.latency_ci95_s[1] - estimate.latency_ci95_s[0]) / 2
-    return f"{ms(estimate.latency_s)} ± {ms(half_s)} ms"
+    digits = 1 if half_s >= _SURE_S else 2  # "± 0.0" would claim that nothing is uncertain
+    return f"{ms(estimate.latency_s, digits)} ± {ms(max(half_s, _LEAST_S), digits)} ms"
 
 
 def verdict(estimate: RunEstimate) -> tuple[str, str]:

@@ -20,7 +20,10 @@ class BeamWidth(Effect):
     meaning: ClassVar[str] = "The apparent diameter of the stylus is off by a constant."
     follows: ClassVar[str] = "kind_of_edge"
     where: ClassVar[str] = "every edge, outwards or inwards"
-    separated_by: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
+    separated_by: ClassVar[str] = (
+        "measure the stylus, as a wrong diameter looks the same; "
+        "a second beam position separates a wider shadow from a wrong scale"
+    )
     undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("extra_mm", "mm", -5.0, 5.0, -1.0),)
     confounded_with: ClassVar[tuple[Confounder, ...]] = (

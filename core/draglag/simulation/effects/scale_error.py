@@ -18,7 +18,10 @@ class ScaleError(Effect):
     meaning: ClassVar[str] = "Reported positions are stretched about the middle of the panel by this share."
     where: ClassVar[str] = "every edge, outwards or inwards"
     shares_column_of: ClassVar[str] = "beam_width"
-    separated_by: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
+    separated_by: ClassVar[str] = (
+        "measure the stylus, as a wrong diameter looks the same; "
+        "a second beam position separates a wider shadow from a wrong scale"
+    )
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "other stylus"
     identifiable_with: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"

@@ -59,8 +59,18 @@ def comes_again() -> str:
     return tr("recorded again at the end; Ctrl+Z cancels that")
 
 
-def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, more: str = "") -> str:
+def rest_words(
+    left_s: float,
+    session_left_s: float,
+    first: bool,
+    again: bool,
+    more: str = "",
+    coming: str = "run",
+    repeats: bool = True,
+) -> str:
     """Time left in rest (infinite: until a key) and session, ``more``, keys.
+
+    ``coming``: "run", "taps" or "clocks"; ``repeats``: whether the last run can be recorded again.
 
     The keys come last: if cut off, buttons name them.
     """
@@ -72,11 +82,23 @@ def rest_words(left_s: float, session_left_s: float, first: bool, again: bool, m
     if again:
         parts.append(tr("the last run is repeated next; F6 begins it now"))
     parts.append(session_left(session_left_s))
-    if first and not again:
-        parts.append(tr("F6 begins the first run now"))
-    elif not again:
-        parts.append(tr("F6 begins the next run now, F7 repeats the last one"))
+    if not again:
+        parts.append(_keys(first, coming, repeats))
     return " · ".join(parts)
+
+
+def _keys(first: bool, coming: str, repeats: bool) -> str:
+    if coming == "taps":
+        begins = tr("F6 begins the taps now")
+    elif coming == "clocks":
+        begins = tr("F6 begins the comparison of the clocks now")
+    elif first:
+        return tr("F6 begins the first run now")
+    elif repeats:
+        return tr("F6 begins the next run now, F7 repeats the last one")
+    else:
+        return tr("F6 begins the next run now")
+    return begins + tr(", F7 repeats the last run") if repeats and not first else begins
 
 
 def in_rest_s(planned_s: float, rest_s: float, left_s: float) -> float:

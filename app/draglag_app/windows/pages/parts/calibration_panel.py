@@ -24,6 +24,8 @@ from draglag_devices.calibration import save_calibration
 
 # Arrows are drawn so much longer that the longest spans this share of the screen's width.
 _LONGEST = 0.12
+# Shorter ones are not drawn longer: they are none.
+_SMALLEST_MM = 0.02
 
 
 class CalibrationPanel(Panel):
@@ -122,7 +124,7 @@ class CalibrationPanel(Panel):
         colours, plot = theme(), self.picture
         x, y = target_places(screen.width_mm, screen.height_mm, TARGETS)
         corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]) * [screen.width_mm, screen.height_mm]
-        longer = _round(_LONGEST * screen.width_mm / max(float(off_mm.max()), 1e-6))
+        longer = _round(_LONGEST * screen.width_mm / max(float(off_mm.max()), _SMALLEST_MM))
         ends = np.column_stack([x, y]) + longer * fit.residual_mm
         gap = np.full(len(x), np.nan)
         plot.line(tr("screen"), corners[:, 0], corners[:, 1], colours.muted, 1)

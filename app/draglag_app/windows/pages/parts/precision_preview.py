@@ -84,6 +84,7 @@ class PrecisionPreview(QWidget):
         (protocol, rig), known = self._wanted, self._known
         if len(known) > _MOST_REMEMBERED:
             known.clear()
+        self.plot.say_empty(self.tr("Predicting the precision…"))
         self._say(self.tr("Predicting the precision…"))
         self._task = self._tasks.start(
             "", lambda progress: plan(protocol, rig, progress=progress, known=known), self._predicted, self._failed
@@ -96,6 +97,7 @@ class PrecisionPreview(QWidget):
     def _failed(self, text: str) -> None:
         self._task, self._shown, self.plan = None, self._wanted, None
         self.plot.clear_all()
+        self.plot.say_empty()
         self._say(in_words(text), "bad")
 
     def _draw(self) -> None:

@@ -103,6 +103,12 @@ class RunTable(QTableWidget):
                 item.setToolTip(plain(text))
                 self.setItem(row, COMMENT, item)
 
+    def bring_comment(self, run_id: str) -> None:
+        """Scroll to the comment on a run."""
+        for row in range(self.rowCount()):
+            if self._id(row) == run_id:
+                self.scrollTo(self.model().index(row, COMMENT))
+
     @contextmanager
     def _order_kept(self) -> Iterator[None]:
         sorting = self.isSortingEnabled()

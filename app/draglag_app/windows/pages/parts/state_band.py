@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QCoreApplication, QTimer, Signal
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, QTimer, Signal
+from PySide6.QtGui import QFont, QFontMetrics
 from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QWidget
 
 from draglag_app.windows.parts.full_texts import ElidedLabel
@@ -33,7 +34,7 @@ class StateBand(Panel):
 
     def __init__(self) -> None:
         super().__init__()
-        self._few = True  # letters in the largest line
+        self._letters_px = 0  # of the largest line
         self._flash = QTimer(self)
         self._flash.setSingleShot(True)
         self._flash.setInterval(_FLASH_MS)
@@ -41,6 +42,7 @@ class StateBand(Panel):
         side, row = plain_row()
         row.addStretch(1)
         self.big = ElidedLabel("big")
+        self.big.installEventFilter(self)
         self.small = ElidedLabel("medium")
         self.buttons = {}
         for action, text, role in (
@@ -96,8 +98,7 @@ class StateBand(Panel):
                 line.setText(text)
         if before != (big, small):
             self.said.emit(big, small)
-        same = level == self.big.property("level") and (len(big) <= _FEW) == self._few
-        self._few = len(big) <= _FEW
+        same = level == self.big.property("level") and self._fitting_px() == self._letters_px
         if not same:  # it is set ten times a second; the colour stays
             restyle(self.big, "level", level)
             self.restyle()
@@ -106,8 +107,21 @@ class StateBand(Panel):
         """Draw in the present theme."""
         colours = {"live": theme().bad, "bad": theme().bad, "good": theme().ok, "warning": theme().warning}
         colour = colours.get(str(self.big.property("level") or ""), theme().text)
-        size_px = wide(_BIG_LETTERS_PX if self._few else _LONG_LETTERS_PX)
-        self.big.setStyleSheet(f"color: {colour}; font-size: {size_px}px;")
+        self._letters_px = self._fitting_px()
+        self.big.setStyleSheet(f"color: {colour}; font-size: {self._letters_px}px;")
+
+    def _fitting_px(self) -> int:
+        """The largest letters, if the line is short enough for them and for its room."""
+        text, large_px, small_px = self.big.text(), wide(_BIG_LETTERS_PX), wide(_LONG_LETTERS_PX)
+        font = QFont(self.big.font())
+        font.setPixelSize(large_px)
+        fits = QFontMetrics(font).horizontalAdvance(text) <= self.big.contentsRect().width()
+        return large_px if len(text) <= _FEW and fits else small_px
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize and self._fitting_px() != self._letters_px:
+            self.restyle()
+        return super().eventFilter(watched, event)
 
     def show_share(self, share: float) -> None:
         """Show the fraction of a run done."""
