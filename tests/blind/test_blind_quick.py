@@ -50,3 +50,21 @@ def test_what_predicts_held_out_runs_is_kept_although_their_rms_is_larger_by_cha
     """The RMS rests on the fastest runs: here it grows by 4 % with the right effect, which predicts all runs better."""
     outcome = run_task(Task("single", "lagging_law", 1.0, 331424274, {"lagging_law": 0.0658}, floor=False))
     assert (outcome.answer, outcome.verdict) == ("right name", "explained")
+
+
+def test_a_name_whose_refit_is_less_likely_than_none_is_not_given():
+    """A moving average that is shorter at speed: the columns of a second filter promise what its refit cannot be."""
+    sizes = {"moving_average_by_speed": 0.19267436627145829}
+    outcome = run_task(
+        Task(
+            "unknown",
+            "moving_average_by_speed",
+            1.0,
+            657157248,
+            sizes,
+            floor=False,
+            world="realistic",
+            law_form="transport",
+        )
+    )
+    assert (outcome.named, outcome.verdict) == ((), "unexplained")

@@ -139,7 +139,7 @@ def grown(
         if tried is not None:
             tried.add((names, name))
         fit = likeliest(refits_with(session, before, name, theta.get(name, ())), base, name)
-        if fit is None:
+        if fit is None or _loses(fit, before):
             break
         names = tuple(sorted((*names, name)))
         out[names] = fit
@@ -155,6 +155,12 @@ def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
     both = np.logical_and.reduce([fit.use for fit in options])
     best = max(options, key=lambda fit: log_likelihood_on(fit, both))
     return None if _sound(effect, best) else best
+
+
+def _loses(fit: Fit, before: Fit) -> bool:
+    """Whether a refit is less likely than without its last effect: its columns promised what it cannot be."""
+    both = fit.use & before.use
+    return log_likelihood_on(fit, both) < log_likelihood_on(before, both) - constants.GIVEN_UP
 
 
 def _possible(effect: str, fit: Fit) -> bool:
@@ -242,6 +248,6 @@ def _proposed(
                 continue
             tried.add((others, name))
             fit = likeliest(refits_with(session, fits[others], name, _setting_alone(pool, name)), base, name)
-            if fit is not None:
+            if fit is not None and not _loses(fit, fits[others]):
                 out[names] = fit
     return out
