@@ -138,7 +138,7 @@ def test_a_button_or_choice_without_room_ends_in_dots(qapp: QApplication, kind: 
 
 
 def test_steps_without_room_end_in_dots(open_window: Callable[..., OperatorWindow], qapp: QApplication) -> None:
-    window = open_window(rig={"touch": "sim:", "laser": "", "walt": ""})
+    window = open_window(rig={"touch": "sim:", "laser": "", "walt": ""}, text_scale=1.5)
     window.go("record")
     for size, whole in (((1920, 1080), True), ((853, 533), False)):
         window.resize(*size)

@@ -41,4 +41,4 @@ def test_a_session_that_cannot_begin_freezes_nothing(open_window: Callable, tmp_
     frozen = gc.get_freeze_count()
     with pytest.raises(DraglagError, match="exists already"):
         window.space.recording.start(order)
-    assert gc.get_freeze_count() == frozen
+    assert gc.get_freeze_count() <= frozen  # of what was frozen, objects may be freed meanwhile
