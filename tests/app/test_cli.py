@@ -269,7 +269,7 @@ def test_a_session_without_any_latency_is_one_sentence_and_exit_1(tmp_path: Path
     assert result.exit_code == 1
     assert all(row["latency_ms"] is None for row in json.loads(result.stdout)["runs"])
     (sentence,) = [line for line in result.stderr.splitlines() if line.startswith("draglag: ")]
-    assert "none of 13 runs gave a latency (few edges" in sentence
+    assert "none of 13 runs gave a latency (no edges" in sentence
 
 
 def test_results_are_kept_as_printed_unless_asked_not_to(tmp_path: Path, session_file: Path) -> None:

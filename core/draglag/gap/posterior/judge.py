@@ -158,7 +158,12 @@ def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
 
 
 def _loses(fit: Fit, before: Fit) -> bool:
-    """Whether a refit is less likely than without its last effect: its columns promised what it cannot be."""
+    """Whether a refit is less likely than without its last effect: its columns promised what it cannot be.
+
+    With another kind of law the two differ by more than the effect.
+    """
+    if type(fit.law) is not type(before.law):
+        return False
     both = fit.use & before.use
     return log_likelihood_on(fit, both) < log_likelihood_on(before, both) - constants.GIVEN_UP
 
