@@ -90,13 +90,13 @@ def test_both_manuals_have_the_same_sections_in_the_same_order(open_window: Call
     words = table_of("nl")
     assert len(english) == len(dutch) >= 14
     titles = {title for title, _ in open_window().pages.values()} - {"Help"}
-    for (title, text), (titel, tekst) in zip(english.items(), dutch.items(), strict=True):
-        assert bones(text) == bones(tekst), title
+    for (title, text), (in_dutch, text_in_dutch) in zip(english.items(), dutch.items(), strict=True):
+        assert bones(text) == bones(text_in_dutch), title
         assert text.strip(), title
         if title in titles:
-            assert titel == words[title]
+            assert in_dutch == words[title]
         else:
-            assert titel != title
+            assert in_dutch != title
     assert titles <= set(english)
 
 
