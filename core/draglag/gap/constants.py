@@ -77,7 +77,8 @@ BEAM = 6
 """Sets of each size that are extended. Derived: cost."""
 
 GIVEN_UP = 8.0
-"""nats. A size of sets whose best is by so much less probable than the best of all is not extended. Derived: e⁻⁸."""
+"""nats. A size of sets whose best is by so much less probable than the best of all is not extended, a level of noise
+not kept, and a refit by so much less likely than without its last effect given up. Derived: e⁻⁸."""
 
 ROUNDS = 6
 """Refits and new linearisations until the most probable set stays. Derived: cost; three are usual."""

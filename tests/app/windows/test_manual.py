@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QApplication, QListWidget, QPushButton
 
 from draglag_app.windows.actions import ACTIONS
 from draglag_app.windows.pages.help import HelpPage, manual_text
+from draglag_app.windows.window import OperatorWindow
 from draglag_app.windows.wording.i18n import table_of, use_language
 from draglag_resources import resource
 
@@ -112,42 +113,35 @@ def in_sight(page: HelpPage, title: str) -> bool:
     return 0 <= top < 40 or (bar.value() == bar.maximum() and 0 <= top < manual.viewport().height() - 40)
 
 
-@pytest.mark.parametrize("language", ["en", "nl"])
-def test_every_entry_of_the_contents_leads_to_its_section(
-    open_window: Callable, qapp: QApplication, language: str
-) -> None:
-    try:
-        window = open_window(language=language)
-        window.resize(1280, 800)
-        window.go("help")
-        page = window.pages["help"][1]
-        entries = [page.contents.item(k) for k in range(page.contents.count())]
-        assert [entry.text() for entry in entries] == list(sections_of(language))
-        for entry in (*entries[1:], entries[0]):
-            page.contents.setCurrentItem(entry)
+@pytest.fixture(params=["en", "nl"])
+def translated(request: pytest.FixtureRequest, open_window: Callable, qapp: QApplication) -> Iterator[OperatorWindow]:
+    """A window in each language."""
+    window = open_window(language=request.param)
+    window.resize(1280, 800)
+    yield window
+    use_language(qapp, "en")
+
+
+def test_every_entry_of_the_contents_leads_to_its_section(translated: OperatorWindow, qapp: QApplication) -> None:
+    translated.go("help")
+    page = translated.pages["help"][1]
+    entries = [page.contents.item(k) for k in range(page.contents.count())]
+    assert [entry.text() for entry in entries] == list(sections_of(translated.space.settings.language))
+    for entry in (*entries[1:], entries[0]):
+        page.contents.setCurrentItem(entry)
+        qapp.processEvents()
+        assert in_sight(page, entry.text()), entry.text()
+
+
+def test_the_question_mark_of_every_page_opens_its_section(translated: OperatorWindow, qapp: QApplication) -> None:
+    page = translated.pages["help"][1]
+    for name, (title, _) in translated.pages.items():
+        if name != "help":
+            translated.go(name)
+            translated.header.help.click()
             qapp.processEvents()
-            assert in_sight(page, entry.text()), entry.text()
-    finally:
-        use_language(qapp, "en")
-
-
-@pytest.mark.parametrize("language", ["en", "nl"])
-def test_the_question_mark_of_every_page_opens_its_section(
-    open_window: Callable, qapp: QApplication, language: str
-) -> None:
-    try:
-        window = open_window(language=language)
-        window.resize(1280, 800)
-        page = window.pages["help"][1]
-        for name, (title, _) in window.pages.items():
-            if name != "help":
-                window.go(name)
-                window.header.help.click()
-                qapp.processEvents()
-                assert window.page == "help"
-                assert in_sight(page, title), title
-    finally:
-        use_language(qapp, "en")
+            assert translated.page == "help"
+            assert in_sight(page, title), title
 
 
 def ink(contents: QListWidget) -> list[int]:
@@ -161,18 +155,12 @@ def ink(contents: QListWidget) -> list[int]:
     ]
 
 
-@pytest.mark.parametrize("language", ["en", "nl"])
-def test_titles_in_the_contents_are_whole(open_window: Callable, qapp: QApplication, language: str) -> None:
+def test_titles_in_the_contents_are_whole(translated: OperatorWindow, qapp: QApplication) -> None:
     """As many letters are drawn in two lines as in one that has room for all."""
-    try:
-        window = open_window(language=language)
-        window.resize(1280, 800)
-        window.go("help")
-        qapp.processEvents()
-        contents = window.pages["help"][1].contents
-        drawn = ink(contents)
-        contents.setFixedWidth(2 * contents.width())
-        qapp.processEvents()
-        assert drawn == pytest.approx(ink(contents), rel=0.03)  # letters begin at other fractions of a pixel
-    finally:
-        use_language(qapp, "en")
+    translated.go("help")
+    qapp.processEvents()
+    contents = translated.pages["help"][1].contents
+    drawn = ink(contents)
+    contents.setFixedWidth(2 * contents.width())
+    qapp.processEvents()
+    assert drawn == pytest.approx(ink(contents), rel=0.03)  # letters begin at other fractions of a pixel

@@ -80,12 +80,18 @@ def test_a_desktop_that_shows_the_target_in_an_ordinary_window_is_asked_for_full
     until(lambda: not shared.space.recording.active)
 
 
-def test_a_rest_on_the_participants_screen_takes_a_note_by_touch_and_says_the_state(
-    shared: OperatorWindow, until: Callable
-) -> None:
+def in_first_rest(shared: OperatorWindow, until: Callable) -> QWidget:
+    """The participant's window, with the bar of the rest before the first run."""
     shared.ask("start")
     participant = shared.space.recording.window
     until(lambda: [one for one in participant.findChildren(QLineEdit) if one.isVisible()])
+    return participant
+
+
+def test_a_rest_on_the_participants_screen_takes_a_note_by_touch_and_says_the_state(
+    shared: OperatorWindow, until: Callable
+) -> None:
+    participant = in_first_rest(shared, until)
     line = named(participant, QLineEdit, "Note")
     assert named(participant, QLabel, "Note").buddy() is line
     assert [one for one in participant.findChildren(QLabel) if "left in the session" in one.text()]
@@ -115,9 +121,7 @@ def by_tab_to(window: QWidget, wanted: QWidget) -> None:
 def test_the_bar_of_a_rest_is_in_sight_and_served_by_the_keyboard_alone(
     shared: OperatorWindow, until: Callable
 ) -> None:
-    shared.ask("start")
-    participant = shared.space.recording.window
-    until(lambda: [one for one in participant.findChildren(QLineEdit) if one.isVisible()])
+    participant = in_first_rest(shared, until)
     participant.activateWindow()  # as on a desktop that keeps the participant's window in front
     until(participant.isActiveWindow)
     line = named(participant, QLineEdit, "Note")
