@@ -1,4 +1,4 @@
-"""``./run fuzz``: every reader of text under many inputs, guided by the lines they reach where atheris is installed.
+"""``./run fuzz``: every reader under many inputs, guided by the lines they reach where atheris is installed.
 
     ./run fuzz --inputs 1000000            every reader, half of the inputs by each engine
     ./run fuzz --inputs 100000 --only model
@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from fuzz.engine import GROWTH_MB, Outcome, try_reader
 from fuzz.readers import readers
+from fuzz.structure import changed_session
 
 _GUIDED = Path(__file__).with_name("guided.py")
 # In one process: atheris keeps the result of every comparison that it watches, which of arrays is some KB an input.
@@ -42,7 +43,7 @@ def main() -> int:
         flush=True,
     )
     with tempfile.TemporaryDirectory(prefix="draglag-fuzz-", dir=scratch) as place:
-        for reader in readers(Path(place)):
+        for reader in (*readers(Path(place)), changed_session(Path(place))):
             if given.only not in reader.name:
                 continue
             folder = Path(tempfile.mkdtemp(dir=place))

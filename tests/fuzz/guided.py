@@ -21,6 +21,7 @@ except ImportError:
 with atheris.instrument_imports(include=["draglag", "draglag_devices", "draglag_app", "tomllib"]):
     from fuzz.mutate import MOST_BYTES, mutated
     from fuzz.readers import readers
+    from fuzz.structure import changed_session
 
 
 def main() -> None:
@@ -30,7 +31,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="draglag-fuzz-", dir="/dev/shm") as place:
         folder = Path(place) / "folder"
         folder.mkdir()
-        reader = next(reader for reader in readers(Path(place)) if reader.name == name)
+        reader = next(reader for reader in (*readers(Path(place)), changed_session(Path(place))) if reader.name == name)
         reader.prepare(folder)
         for number, data in enumerate(reader.seeds):
             (Path(corpus) / str(number)).write_bytes(data)
