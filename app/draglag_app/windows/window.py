@@ -73,7 +73,7 @@ class OperatorWindow(QMainWindow):
         self.recent = RecentMenu(self.menuBar(), lambda: self.space.settings.recent, self.open_file)
         self.actions_table.add_recent(self.menuBar(), self.recent)
         self.actions_table.follow(self.space.undo)
-        self.setCentralWidget(self._frame())
+        self._fill_frame()
         FieldKeys(self)
         raise_rows(self)
         scroll_by_finger(self)
@@ -114,8 +114,10 @@ class OperatorWindow(QMainWindow):
 
     # --- the frame ------------------------------------------------------------------------------------------
 
-    def _frame(self) -> QWidget:
+    def _fill_frame(self) -> None:
+        # From the outside in: with a style sheet each new parent styles everything below it again.
         middle = QWidget()
+        self.setCentralWidget(middle)
         outer = QVBoxLayout(middle)
         outer.setContentsMargins(0, 0, 0, 0)
         outer.setSpacing(0)
@@ -126,20 +128,19 @@ class OperatorWindow(QMainWindow):
         self.steps.chosen.connect(self.go)
         outer.addWidget(self.steps)
         row = QHBoxLayout()
+        outer.addLayout(row, 1)
         row.setSpacing(0)
         titles = {name: title for name, (title, _) in self.pages.items()}
         self.navigation = Navigation(titles, self.actions_table.made)
         self.navigation.chosen.connect(self.go)
         row.addWidget(ColumnScroll(self.navigation))
         self.stack = PageStack()
+        row.addWidget(PageScroll(self.stack), 1)
         for _, page in self.pages.values():
             self.stack.addWidget(page)
-        row.addWidget(PageScroll(self.stack), 1)
-        outer.addLayout(row, 1)
         self.notice = NoticeStrip(self.space.tasks)
         self.notice_text = self.notice.text
         outer.addWidget(self.notice)
-        return middle
 
     # --- asking ---------------------------------------------------------------------------------------------
 
