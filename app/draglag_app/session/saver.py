@@ -62,6 +62,7 @@ class Saver:
         self._pending_events: list[events.Event] = []
         self._flushed = time.monotonic()
         self._restored = 0
+        self._listener_failed = False
         self.thread = threading.Thread(target=self._work, name="draglag-writer", daemon=True)
 
     @property
@@ -302,7 +303,22 @@ class Saver:
     def _emit_pending(self) -> None:
         pending, self._pending_events = self._pending_events, []
         for event in pending:
-            self._listener(event)
+            try:
+                self._listener(event)
+            except Exception as error:  # whatever it is, the recording goes on
+                self._report_listener(error)
+
+    def _report_listener(self, error: Exception) -> None:
+        """Log the first fault of the listener, and emit it: other events may still arrive there."""
+        if self._listener_failed:
+            return
+        self._listener_failed = True
+        what = f"{type(error).__name__}: {error}"
+        text = message("a listener to the recording failed ({error}); the recording goes on", error=what)
+        t_s = max((mark for mark in self._marks.values() if np.isfinite(mark)), default=0.0)
+        with suppress(DraglagError):  # it is kept as ``failure``
+            self.log(LogEntry(t_s, "error", "listener", text))
+        self._pending_events.append(events.NoticeRaised(t_s, "error", "listener", text))
 
     def _fail(self, error: DraglagError) -> None:
         if self.failure is None:
