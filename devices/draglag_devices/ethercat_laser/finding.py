@@ -15,8 +15,7 @@ from draglag_devices.ethercat_laser.helper import LAUNCHERS, command
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
 from draglag_devices.ethercat_laser.preflight import INSTALL
 from draglag_devices.ethercat_laser.probe import NOT_ALLOWED, scan_bus
-
-_TIMEOUT_S = 10.0
+from draglag_devices.ethercat_laser.waits import DISCOVERY_S
 
 
 def find_buses(asked: Collection[str] = ()) -> list[Found]:
@@ -29,12 +28,12 @@ def _probe(asked: Collection[str]) -> tuple[str, list[dict[str, Any]]]:
     reason = ""
     try:
         done = subprocess.run(
-            command("--probe", *asked), stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=False
+            command("--probe", *asked), stdin=subprocess.DEVNULL, capture_output=True, timeout=DISCOVERY_S, check=False
         )
         reason = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit {done.returncode}"])[-1]
         return "", list(json.loads(done.stdout.splitlines()[-1], object_hook=unpacked)["found"])
     except subprocess.TimeoutExpired:
-        reason = message("no answer within {seconds:.0f} s", seconds=_TIMEOUT_S)
+        reason = message("no answer within {seconds:.0f} s", seconds=DISCOVERY_S)
     except OSError as error:
         reason = cause(error)
     except (ValueError, LookupError, TypeError):
