@@ -19,7 +19,7 @@ import numpy as np
 
 from draglag.errors import DataError, DraglagError, cause, message_of
 from draglag.messages import message
-from draglag.recording import ClockBounds, DisplayTrace, LogEntry, Run
+from draglag.recording import ClockBounds, DisplayTrace, LaserTrace, LogEntry, Run, TouchTrace
 from draglag.store import SessionWriter
 from draglag_app.session import events
 from draglag_app.session.digest import digest, within
@@ -233,14 +233,8 @@ class Saver:
         if batch.clock is not None and len(batch.clock.device_s):
             self._take_clock(batch.clock, opened)
         touch, laser = batch.touch, batch.laser
-        if opened is not None and touch is not None:
-            kept = within(touch, opened.run.start_s, opened.to_s)
-            self._keep(lambda: self._writer.append_touch(opened.run.id, kept))
-            opened.touch.append(kept)
-        if opened is not None and laser is not None:
-            edges = within(laser, opened.run.start_s, opened.to_s)
-            self._keep(lambda: self._writer.append_laser(opened.run.id, edges))
-            opened.laser.append(edges)
+        if opened is not None:
+            self._take_samples(touch, laser, opened)
         if self._pairer is not None:
             self._pairer.add(batch.taps, batch.contacts, batch.until_s)
             self._marks[role] = max(self._marks[role], batch.until_s)
@@ -250,6 +244,16 @@ class Saver:
         seen = digest(role, "" if opened is None else opened.run.id, batch, self._losses[role])
         if seen is not None:
             self._pending_events.append(seen)
+
+    def _take_samples(self, touch: TouchTrace | None, laser: LaserTrace | None, opened: OpenRun) -> None:
+        if touch is not None:
+            kept = within(touch, opened.run.start_s, opened.to_s)
+            self._keep(lambda: self._writer.append_touch(opened.run.id, kept))
+            opened.touch.append(kept)
+        if laser is not None:
+            edges = within(laser, opened.run.start_s, opened.to_s)
+            self._keep(lambda: self._writer.append_laser(opened.run.id, edges))
+            opened.laser.append(edges)
 
     def _take_clock(self, bounds: ClockBounds, opened: OpenRun | None) -> None:
         run_id = None if opened is None else opened.run.id

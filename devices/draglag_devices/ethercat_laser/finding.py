@@ -50,14 +50,8 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
         remedy = message("close the other EtherCAT program")
         return Found(address, ("laser",), message("EtherCAT bus on {name}, in use", name=name), False, remedy)
     install = f"{INSTALL} {name}"
-    if seen["left_alone"] == NOT_ALLOWED:
-        remedy = message("install it again for this interface, as administrator: {command}", command=install)
-        return Found(address, ("laser",), _not_usable(name, NOT_ALLOWED), False, remedy)
     if seen["left_alone"]:
-        remedy = message("to look there: draglag devices --probe {name}", name=name)
-        # What is no Ethernet cable of this computer is nothing to choose.
-        roles = ("laser",) if seen["left_alone"].startswith("has ") else ()
-        return Found(address, roles, _not_usable(name, seen["left_alone"]), False, remedy)
+        return _left_alone(address, name, seen["left_alone"], install)
     if not seen["up"]:
         problem, remedy = (
             message("switched off"),
@@ -81,6 +75,16 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
         problem = message("no EtherCAT device answers")
         remedy = message("plug the cable into the coupler's IN port, switch it on")
     return Found(address, ("laser",), _not_usable(name, problem), False, remedy)
+
+
+def _left_alone(address: str, name: str, why: str, install: str) -> Found:
+    if why == NOT_ALLOWED:
+        remedy = message("install it again for this interface, as administrator: {command}", command=install)
+        return Found(address, ("laser",), _not_usable(name, NOT_ALLOWED), False, remedy)
+    remedy = message("to look there: draglag devices --probe {name}", name=name)
+    # What is no Ethernet cable of this computer is nothing to choose.
+    roles = ("laser",) if why.startswith("has ") else ()
+    return Found(address, roles, _not_usable(name, why), False, remedy)
 
 
 def _not_usable(name: str, problem: str) -> Message:
