@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +17,7 @@ from draglag.instruments.clocks import PAPER_DRIFT, WARN_S, fit_clock, rate_word
 from draglag.messages import message, phrase
 from draglag.protocol.runs import PlannedRun
 from draglag.protocol.targets import Circle
-from draglag.recording import ClockBounds, Screen
+from draglag.recording import AxisInfo, ClockBounds, Screen
 from draglag_devices.rig import Rig, give_panel, make_rig
 from draglag_devices.source import Batch, Notice, Source, SourceInfo
 
@@ -95,18 +95,7 @@ def preflight(
     try:
         if screen is not None:
             give_panel(rig.sources, screen)
-        for source in rig.sources:
-            try:
-                opened[source.role] = source, _Observed(source.open())
-            except DraglagError as error:
-                yield Check(source.role, "fault", error.problem, remedy=error.remedy)
-            except Exception as error:  # a fault of one driver is a row as well and must not hide the others
-                yield Check(
-                    source.role,
-                    "fault",
-                    message("{address}: {error}", address=source.address, error=error),
-                    remedy=message("report it with this line"),
-                )
+        yield from _open(rig, opened)
         lost = _watch(rig, opened, watch_s, on_progress)
         for role, (_, observed) in opened.items():
             if role in lost:
@@ -124,6 +113,22 @@ def _rig(addresses: Mapping[str, str], screen_name: str) -> tuple[Rig | None, Ch
         return make_rig(addresses, screen_name), Check("addresses", "ok", "")
     except DraglagError as error:
         return None, Check("addresses", "fault", error.problem, remedy=error.remedy)
+
+
+def _open(rig: Rig, opened: dict[str, tuple[Source, _Observed]]) -> Iterator[Check]:
+    """Faults of sources that do not open; the others go into ``opened``."""
+    for source in rig.sources:
+        try:
+            opened[source.role] = source, _Observed(source.open())
+        except DraglagError as error:
+            yield Check(source.role, "fault", error.problem, remedy=error.remedy)
+        except Exception as error:  # a fault of one driver is a row as well and must not hide the others
+            yield Check(
+                source.role,
+                "fault",
+                message("{address}: {error}", address=source.address, error=error),
+                remedy=message("report it with this line"),
+            )
 
 
 def _disk(folder: Path) -> Check:
@@ -208,14 +213,7 @@ def _edges(observed: _Observed) -> Check:
 def _touch(observed: _Observed, screen: Screen | None) -> Iterator[Check]:
     axes = observed.info.axes
     if axes and screen is not None and all(axis.resolution for axis in axes):
-        sizes = [(axis.maximum - axis.minimum + 1) / axis.resolution for axis in axes]
-        off = max(abs(size / real - 1) for size, real in zip(sizes, (screen.width_mm, screen.height_mm), strict=True))
-        yield Check("touch size", "ok" if off <= SIZE_TOLERANCE else "warning",
-                    message("{width:.1f} × {height:.1f} mm by its resolution, {percent:.1f} % off",
-                            width=sizes[0], height=sizes[1], percent=100 * off),
-                    f"{100 * SIZE_TOLERANCE:.0f} %",
-                    "" if off <= SIZE_TOLERANCE else
-                    message("measure the panel with a ruler, or calibrate"))  # fmt: skip
+        yield _touch_size(axes, screen)
     for axis in axes:
         if axis.fuzz:
             yield Check("touch fuzz", "warning", f"{axis.name}: {axis.fuzz}", "0",
@@ -231,6 +229,17 @@ def _touch(observed: _Observed, screen: Screen | None) -> Iterator[Check]:
                 message("{rate_hz:.0f} Hz, {lost} lost", rate_hz=rate_hz, lost=observed.dropped),
                 message("≥ {rate_hz:.0f} Hz, {lost} lost", rate_hz=SLOWEST_TOUCH_HZ, lost=0),
                 "" if fast and whole else message("close other programs; try another USB port"))  # fmt: skip
+
+
+def _touch_size(axes: Sequence[AxisInfo], screen: Screen) -> Check:
+    sizes = [(axis.maximum - axis.minimum + 1) / axis.resolution for axis in axes]
+    off = max(abs(size / real - 1) for size, real in zip(sizes, (screen.width_mm, screen.height_mm), strict=True))
+    well = off <= SIZE_TOLERANCE
+    return Check("touch size", "ok" if well else "warning",
+                 message("{width:.1f} × {height:.1f} mm by its resolution, {percent:.1f} % off",
+                         width=sizes[0], height=sizes[1], percent=100 * off),
+                 f"{100 * SIZE_TOLERANCE:.0f} %",
+                 "" if well else message("measure the panel with a ruler, or calibrate"))  # fmt: skip
 
 
 def _clock(role: str, observed: _Observed) -> Iterator[Check]:

@@ -92,6 +92,17 @@ def parse_address(text: str) -> Address:
             message("known forms: {forms}", forms=" · ".join(known_forms())),
         )
     target, _, query = rest.partition("?")
+    _check_target(text, scheme, target)
+    try:
+        options = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=True)) if query else {}
+    except ValueError:
+        raise DeviceError(
+            text, message("'{query}' is not a list of options", query=query), "write ?name=value&name=value"
+        ) from None
+    return Address(text, scheme, target, options)
+
+
+def _check_target(text: str, scheme: str, target: str) -> None:
     if scheme in _NEEDS_TARGET and not target:
         form = next(form for form in KNOWN_FORMS if form.startswith(scheme))
         raise DeviceError(
@@ -103,7 +114,7 @@ def parse_address(text: str) -> Address:
         raise DeviceError(
             text,
             "the address has one colon too many",
-            message("write {scheme}:{target}", scheme=scheme, target=rest.lstrip(":")),
+            message("write {scheme}:{target}", scheme=scheme, target=text.partition(":")[2].lstrip(":")),
         )
     if scheme == "sim" and target:
         raise DeviceError(
@@ -111,13 +122,6 @@ def parse_address(text: str) -> Address:
             message("'{target}' means nothing to the simulator", target=target),
             "write sim: or sim:?seed=3&speed=fast",
         )
-    try:
-        options = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=True)) if query else {}
-    except ValueError:
-        raise DeviceError(
-            text, message("'{query}' is not a list of options", query=query), "write ?name=value&name=value"
-        ) from None
-    return Address(text, scheme, target, options)
 
 
 def other_drivers() -> dict[str, Driver]:

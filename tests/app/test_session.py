@@ -499,6 +499,25 @@ def test_a_journal_deleted_while_recording_costs_nothing_and_is_reported(tmp_pat
         assert_same_samples(run, truth)
 
 
+def test_a_listener_that_raises_is_reported_as_such_and_costs_no_sample(tmp_path):
+    def on_event(control, event):
+        if isinstance(event, events.SamplesArrived):
+            raise ValueError("a bug of the display")
+
+    recording = Recording(protocol(300, 600), fast_rig(), tmp_path / "s.h5", on_event)
+    assert recording.error is None
+    reported = [event.text for event in recording.of(events.NoticeRaised)]
+    assert reported == ["a listener to the recording failed (ValueError: a bug of the display); the recording goes on"]
+    session = read_session(recording.path)
+    for run, truth in zip(session.runs, world_of(recording).truth, strict=True):
+        assert run.outcome == "complete"
+        assert_same_samples(run, truth)
+    logged = [
+        entry for entry in (*session.notes, *(e for run in session.runs for e in run.log)) if entry.source == "listener"
+    ]
+    assert [(entry.level, entry.text) for entry in logged] == [("error", reported[0])]
+
+
 def test_an_existing_file_is_refused_before_any_device_is_opened(tmp_path):
     out = tmp_path / "s.h5"
     out.write_bytes(b"precious")

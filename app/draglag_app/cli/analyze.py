@@ -168,12 +168,18 @@ def analyze(
     if save is not False:
         keep_result(session, result, options.kept(str(model_path or "")), must=bool(save))
     _write(session, data, analysis, save_model, report)
+    _print(analysis, result, correction, model_path, as_json)
+    _refuse_without_latency(session, analysis)
+
+
+def _print(
+    analysis: Analysis, result: dict[str, Any], correction: Correction | None, model_path: Path | None, as_json: bool
+) -> None:
     if as_json:
         print_json(result)
-    else:
-        about = "" if correction is None else f"{model_path}: {correction.words() or 'the model names no effect'}\n\n"
-        click.echo(about + "\n\n".join(summary(analysis, result)))
-    _refuse_without_latency(session, analysis)
+        return
+    about = "" if correction is None else f"{model_path}: {correction.words() or 'the model names no effect'}\n\n"
+    click.echo(about + "\n\n".join(summary(analysis, result)))
 
 
 def _refuse_early(session: Path, save: bool, report: Path | None, save_model: Path | None) -> None:

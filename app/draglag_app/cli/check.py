@@ -58,16 +58,20 @@ def check(
     if as_json:
         print_json({"ready": ready(done), "checks": [asdict(row) for row in done]})
     else:
-        width = max(len(row.name) for row in done)
-        for row in done:
-            click.echo(line(row, width))
-        faults = sum(row.state == "fault" for row in done)
-        click.echo("Ready." if ready(done) else f"Not ready: {faults} of {len(done)} checks failed.")
+        _print(done)
     if not ready(done):
         first = next(row for row in done if row.state == "fault")
         measured = first.measured.rstrip(".")
         click.echo(f"draglag: not ready: {first.name}: {measured}; {first.remedy or 'see the checks'}", err=True)
         ctx.exit(1)
+
+
+def _print(done: list[Check]) -> None:
+    width = max(len(row.name) for row in done)
+    for row in done:
+        click.echo(line(row, width))
+    faults = sum(row.state == "fault" for row in done)
+    click.echo("Ready." if ready(done) else f"Not ready: {faults} of {len(done)} checks failed.")
 
 
 def line(row: Check, width: int = 0) -> str:

@@ -10,7 +10,7 @@ from draglag.errors import EstimateError
 from draglag.gap.constants import MOST_EFFECTS
 from draglag.gap.provisional import Provisional, provisional_term
 from draglag.gap.replaying.extended import extended_model
-from draglag.gap.results import BY_TAPS, FLOOR_REACHES, GapReport, stated, unjudged
+from draglag.gap.results import BY_TAPS, FLOOR_REACHES, GapReport, Step, stated, unjudged
 from draglag.gap.wording import (
     also_in_words,
     check_in_words,
@@ -128,12 +128,7 @@ def gap(
     if as_json:
         more = {"provisional": None if unnamed is None else unnamed.to_dict()} if provisional else {}
         print_json({**result.to_dict(), **more})
-    if result.verdict is None:
-        has_remedy = any(". " in words for words in result.missing)  # an estimate's own refusal has one
-        remedy = "" if has_remedy else "Record what is missing"
-        raise EstimateError(
-            message("{session}: no verdict: {missing}", session=session, missing=joined("; ", result.missing)), remedy
-        )
+    _refuse_without_verdict(session, result)
     _write(session, data, result, unnamed, report, model_path)
     if not as_json:
         print_finding(result, report)
@@ -143,6 +138,15 @@ def gap(
             click.echo(nothing if unnamed is None else unnamed.words())
         if model_path is not None:
             _print_model(model_path, unnamed)
+
+
+def _refuse_without_verdict(session: Path, result: GapReport) -> None:
+    if result.verdict is None:
+        has_remedy = any(". " in words for words in result.missing)  # an estimate's own refusal has one
+        remedy = "" if has_remedy else "Record what is missing"
+        raise EstimateError(
+            message("{session}: no verdict: {missing}", session=session, missing=joined("; ", result.missing)), remedy
+        )
 
 
 def _write(
@@ -189,16 +193,18 @@ def _print_more(data: Session, result: GapReport, without: tuple[str, ...]) -> N
         click.echo(left)
 
 
+def _row_of(step: Step) -> list[str]:
+    names = " or ".join(map(title_of, (step.effect, *step.indistinguishable_from)))
+    gap = f"{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}"
+    return [names, stated(step.probability), step.where, ", ".join(sizes_of(step)), gap]
+
+
 def print_finding(result: GapReport, report: Path | None) -> None:
     """Print the report for people."""
     click.echo(headline(result))
-    rows = []
-    for step in result.steps:
-        names = " or ".join(map(title_of, (step.effect, *step.indistinguishable_from)))
-        gap = f"{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}"
-        rows.append([names, stated(step.probability), step.where, ", ".join(sizes_of(step)), gap])
-    if rows:
-        click.echo(table(["effect", "probability", "where", "size (95 %)", "gap, mm"], rows, 5))
+    if result.steps:
+        heads = ["effect", "probability", "where", "size (95 %)", "gap, mm"]
+        click.echo(table(heads, list(map(_row_of, result.steps)), 5))
     click.echo(
         f"Gap on held-out runs {result.gap_first_mm:.3f} → {result.gap_last_mm:.3f} mm, "
         f"noise floor {result.noise_floor_mm:.3f} mm ({FLOOR_REACHES})."

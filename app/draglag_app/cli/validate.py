@@ -12,7 +12,7 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.messages import message
 from draglag.provenance import is_simulated
-from draglag.recording import FloatArray, Run
+from draglag.recording import FloatArray, Run, Session
 from draglag_app.cli.common import (
     json_option,
     load_session,
@@ -25,6 +25,7 @@ from draglag_app.cli.common import (
 )
 
 if TYPE_CHECKING:
+    from draglag.gap.correction import Correction
     from draglag.validation.misalignment import Validation
 
 BINS_MM_S = [0, 25, 50, 100, 150, 200, 300, 400, 600, 800, 1000, 1500]
@@ -51,7 +52,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
         draglag analyze monday.h5 --save-model model.json
         draglag validate tuesday.h5 --model model.json
     """
-    from draglag.analysis import has_constant_speed, mean_by_protocol
+    from draglag.analysis import has_constant_speed
     from draglag.gap.correction import corrected
     from draglag.latency.conduct import kept_runs
     from draglag.latency.estimate import prepare
@@ -80,20 +81,8 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
         )
     if as_json:
         about = {"file": str(model_path), "form": model.form, "session": model.provenance.session}
-        print_json(
-            {
-                "session": data.name,
-                "simulated": is_simulated(data.devices),
-                "model": about,
-                "validation": [_with_histogram(item) for item in done],
-                "validation_mean": mean_by_protocol(done),
-                "not_compensated": list(correction.left_but_law),
-                **correction.to_dict(),
-                "other_screen": elsewhere,
-                "excluded": excluded,
-                "problems": problems,
-            }
-        )
+        more = {"other_screen": elsewhere, "excluded": excluded, "problems": problems}
+        print_json({**_results(data, about, done, correction), **more})
         return
     click.echo(f"{data.name}, with the model of {model.provenance.session or model_path}")
     warn(elsewhere)
@@ -104,6 +93,20 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
     click.echo(_means(done))
     for problem in problems:
         click.echo(f"not done: {problem}", err=True)
+
+
+def _results(data: Session, about: dict[str, str], done: list[Validation], correction: Correction) -> dict[str, object]:
+    from draglag.analysis import mean_by_protocol
+
+    return {
+        "session": data.name,
+        "simulated": is_simulated(data.devices),
+        "model": about,
+        "validation": [_with_histogram(item) for item in done],
+        "validation_mean": mean_by_protocol(done),
+        "not_compensated": list(correction.left_but_law),
+        **correction.to_dict(),
+    }
 
 
 def _each(runs: list[Run], validated: Callable[[Run], Validation]) -> tuple[list[Validation], list[str]]:

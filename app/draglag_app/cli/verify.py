@@ -35,19 +35,9 @@ def verify(session: Path, out: Path | None, as_json: bool) -> None:
         draglag verify session.h5
         draglag verify session.h5.partial --out saved.h5
     """
-    from draglag.store import Finding, grade, salvage
-    from draglag.store import verify as check
+    from draglag.store import grade
 
-    saved: Path | None = None
-    findings: list[Finding] = []
-    if session.is_dir():
-        findings = _folder(session)
-    elif session.exists() and (out is not None or _unfinished(session)):
-        result = salvage(session, out)
-        saved = result.path
-        findings = [Finding("loss", str(session), loss) for loss in result.losses] + check(saved)
-    else:
-        findings = check(session)
+    findings, saved = _checked(session, out)
     state = grade(findings)
     errors = [finding for finding in findings if finding.level == "error"]
     if as_json:
@@ -57,15 +47,32 @@ def verify(session: Path, out: Path | None, as_json: bool) -> None:
         if errors:
             click.echo(str(errors[0]), err=True)
     else:
-        for finding in findings:
-            click.echo(str(finding), err=finding.level == "error")
-        if saved is not None:
-            click.echo(f"{saved}: saved from {session.name}")
-        if not errors:
-            remarks = f", {len(findings)} remarks" if findings else ""
-            click.echo(f"{saved or session}: {_STATES[state]}{remarks}")
+        _print(session, saved, findings, "" if errors else _STATES[state])
     if errors:
         raise click.exceptions.Exit(1)
+
+
+def _checked(session: Path, out: Path | None) -> tuple[list[Finding], Path | None]:
+    """What is wrong, and the file that an unfinished or damaged one was saved as."""
+    from draglag.store import Finding, salvage
+    from draglag.store import verify as check
+
+    if session.is_dir():
+        return _folder(session), None
+    if session.exists() and (out is not None or _unfinished(session)):
+        result = salvage(session, out)
+        return [Finding("loss", str(session), loss) for loss in result.losses] + check(result.path), result.path
+    return check(session), None
+
+
+def _print(session: Path, saved: Path | None, findings: list[Finding], state: str) -> None:
+    for finding in findings:
+        click.echo(str(finding), err=finding.level == "error")
+    if saved is not None:
+        click.echo(f"{saved}: saved from {session.name}")
+    if state:
+        remarks = f", {len(findings)} remarks" if findings else ""
+        click.echo(f"{saved or session}: {state}{remarks}")
 
 
 def _unfinished(session: Path) -> bool:

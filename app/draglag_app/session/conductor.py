@@ -198,13 +198,7 @@ class Conductor:
         start_s, signal = self._prepare(planned, run_id)
         end_s = start_s + planned.duration_s
         if signal is None:
-            self._compare.ask(RUN_ROLES)
-            go(Signal.READY, self._options.countdown_s)
-            signal = self._watch.wait_until(start_s, RUN_ROLES)
-        if signal is None:
-            go(Signal.TARGET_MOVES, planned.duration_s)
-            self._emit(events.RunStarted(run_id, planned, start_s))
-            signal = self._follow(planned, start_s, end_s)
+            signal = self._count_down_and_follow(planned, run_id, start_s, go)
         if signal is not None:
             # The target is gone: what the hand would have done next never happens.
             end_s = min(max(self._time.now(), start_s), end_s)
@@ -231,6 +225,19 @@ class Conductor:
         outcome = state.outcome or "failed"
         self._emit(events.RunFinished(replace(run, outcome=outcome), outcome, self._saver.clocks))
         self._queue_or_forget(planned, run, outcome)
+
+    def _count_down_and_follow(
+        self, planned: PlannedRun, run_id: str, start_s: float, go: Callable[[Signal, float], None]
+    ) -> Signal | None:
+        """What ended the run before its target did, else None."""
+        self._compare.ask(RUN_ROLES)
+        go(Signal.READY, self._options.countdown_s)
+        signal = self._watch.wait_until(start_s, RUN_ROLES)
+        if signal is None:
+            go(Signal.TARGET_MOVES, planned.duration_s)
+            self._emit(events.RunStarted(run_id, planned, start_s))
+            signal = self._follow(planned, start_s, start_s + planned.duration_s)
+        return signal
 
     def _saved_elsewhere(self, run: Run | None) -> bool:
         whole = run is not None and run.outcome != "failed"

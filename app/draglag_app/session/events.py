@@ -190,4 +190,7 @@ Event = (
     | SessionFinished
 )
 Listener = Callable[[Event], None]
-"""Called from the session's and the writer's thread; must return quickly and never raise."""
+"""Called from the session's and the writer's thread; must return quickly and never raise.
+
+What it raises in the writer's thread goes into the log once; the recording goes on.
+"""

@@ -19,7 +19,7 @@ import numpy as np
 
 from draglag.errors import DataError, DraglagError, cause, message_of
 from draglag.messages import message
-from draglag.recording import ClockBounds, DisplayTrace, LogEntry, Run
+from draglag.recording import ClockBounds, DisplayTrace, LaserTrace, LogEntry, Run, TouchTrace
 from draglag.store import SessionWriter
 from draglag_app.session import events
 from draglag_app.session.digest import digest, within
@@ -62,6 +62,7 @@ class Saver:
         self._pending_events: list[events.Event] = []
         self._flushed = time.monotonic()
         self._restored = 0
+        self._listener_failed = False
         self.thread = threading.Thread(target=self._work, name="draglag-writer", daemon=True)
 
     @property
@@ -232,14 +233,8 @@ class Saver:
         if batch.clock is not None and len(batch.clock.device_s):
             self._take_clock(batch.clock, opened)
         touch, laser = batch.touch, batch.laser
-        if opened is not None and touch is not None:
-            kept = within(touch, opened.run.start_s, opened.to_s)
-            self._keep(lambda: self._writer.append_touch(opened.run.id, kept))
-            opened.touch.append(kept)
-        if opened is not None and laser is not None:
-            edges = within(laser, opened.run.start_s, opened.to_s)
-            self._keep(lambda: self._writer.append_laser(opened.run.id, edges))
-            opened.laser.append(edges)
+        if opened is not None:
+            self._take_samples(touch, laser, opened)
         if self._pairer is not None:
             self._pairer.add(batch.taps, batch.contacts, batch.until_s)
             self._marks[role] = max(self._marks[role], batch.until_s)
@@ -249,6 +244,16 @@ class Saver:
         seen = digest(role, "" if opened is None else opened.run.id, batch, self._losses[role])
         if seen is not None:
             self._pending_events.append(seen)
+
+    def _take_samples(self, touch: TouchTrace | None, laser: LaserTrace | None, opened: OpenRun) -> None:
+        if touch is not None:
+            kept = within(touch, opened.run.start_s, opened.to_s)
+            self._keep(lambda: self._writer.append_touch(opened.run.id, kept))
+            opened.touch.append(kept)
+        if laser is not None:
+            edges = within(laser, opened.run.start_s, opened.to_s)
+            self._keep(lambda: self._writer.append_laser(opened.run.id, edges))
+            opened.laser.append(edges)
 
     def _take_clock(self, bounds: ClockBounds, opened: OpenRun | None) -> None:
         run_id = None if opened is None else opened.run.id
@@ -302,7 +307,22 @@ class Saver:
     def _emit_pending(self) -> None:
         pending, self._pending_events = self._pending_events, []
         for event in pending:
-            self._listener(event)
+            try:
+                self._listener(event)
+            except Exception as error:  # whatever it is, the recording goes on
+                self._report_listener(error)
+
+    def _report_listener(self, error: Exception) -> None:
+        """Log the first fault of the listener, and emit it: other events may still arrive there."""
+        if self._listener_failed:
+            return
+        self._listener_failed = True
+        what = f"{type(error).__name__}: {error}"
+        text = message("a listener to the recording failed ({error}); the recording goes on", error=what)
+        t_s = max((mark for mark in self._marks.values() if np.isfinite(mark)), default=0.0)
+        with suppress(DraglagError):  # it is kept as ``failure``
+            self.log(LogEntry(t_s, "error", "listener", text))
+        self._pending_events.append(events.NoticeRaised(t_s, "error", "listener", text))
 
     def _fail(self, error: DraglagError) -> None:
         if self.failure is None:

@@ -69,24 +69,32 @@ class Watch:
             if signal is not None:
                 return signal
             now_s = self._time.now()
-            if frames:
-                trace = self._display.frames(min(now_s, until_s))
-                try:
-                    self._saver.call(partial(self._saver.append_display, trace))
-                except DraglagError:
-                    return Signal.FAILURE
+            if frames and not self._save_frames(min(now_s, until_s)):
+                return Signal.FAILURE
             if now_s >= until_s or condition():
                 return None
             if self._time.realtime:
                 self._control.wait(min(TICK_S, until_s - now_s))
             else:
-                step_s = min(now_s + _STEP_S, until_s)
-                if not np.isfinite(step_s):
-                    self._control.wait(TICK_S)
-                    continue
-                self._time.advance_to(step_s)
-                for role in self._saver.wait_past(step_s, self._roles, STUCK_S):
-                    self._saver.call(partial(self._saver.give_up, role))
+                self._step(min(now_s + _STEP_S, until_s))
+
+    def _save_frames(self, until_s: float) -> bool:
+        """Whether what the display showed could be saved."""
+        trace = self._display.frames(until_s)
+        try:
+            self._saver.call(partial(self._saver.append_display, trace))
+        except DraglagError:
+            return False
+        return True
+
+    def _step(self, to_s: float) -> None:
+        """Advance simulated time, once every source has reported up to it or is given up."""
+        if not np.isfinite(to_s):
+            self._control.wait(TICK_S)
+            return
+        self._time.advance_to(to_s)
+        for role in self._saver.wait_past(to_s, self._roles, STUCK_S):
+            self._saver.call(partial(self._saver.give_up, role))
 
     def _interruption(self, roles: tuple[str, ...]) -> Signal | None:
         self.check_standstill()

@@ -14,7 +14,7 @@ from draglag.instruments.clocks import remapped
 from draglag.instruments.taps import TapSummary, summarise_taps
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
-from draglag.latency.conduct import why_excluded, with_conduct
+from draglag.latency.conduct import gives_point, why_excluded, with_conduct
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.estimators import estimator_of
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
@@ -88,7 +88,7 @@ class Analysis:
 
     def in_curve(self, run: RunEstimate) -> bool:
         """Whether a run is a point of the curve."""
-        return self.curve is not None and run.id not in self.excluded and _usable(run)
+        return self.curve is not None and run.id not in self.excluded and gives_point(run)
 
     def to_dict(self) -> dict[str, object]:
         """JSON of ``analyze --json``."""
@@ -224,21 +224,12 @@ def _excluded(session: Session, estimates: Sequence[RunEstimate], options: Analy
     return {**why_excluded(session.runs, estimates, options.include), **options.exclude}
 
 
-def _usable(estimate: RunEstimate) -> bool:
-    return bool(
-        estimate.latency_s is not None
-        and estimate.curve_se_s
-        and np.isfinite(estimate.curve_se_s)
-        and "at_window_end" not in estimate.flags
-    )
-
-
 def curve_points(estimates: Sequence[RunEstimate]) -> CurvePoints:
     """Points of the runs with a finite standard error, inside the window."""
     good = [
         (e.speed_mm_s, e.latency_s, e.curve_se_s, e.speed_se_mm_s or 0.0, e.speed_sd_mm_s or 0.0)
         for e in estimates
-        if _usable(e)
+        if gives_point(e)
     ]
     table = np.array(good, float).reshape(-1, 5)
     return CurvePoints(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4])

@@ -5,14 +5,18 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
 from draglag.errors import DataError
-from draglag.messages import message
+from draglag.messages import Message, message
 from draglag.reading import parse_json, read_text
 from draglag.reading.limits import HEADER_BYTES, RUNS, SIZE_MM, SIZE_PX, TIME_S
+from draglag.reading.refusals import refusal
+
+if TYPE_CHECKING:
+    from pydantic_core import ErrorDetails
 
 FORMAT = "draglag-exchange"
 VERSION = 1
@@ -94,7 +98,7 @@ class CalibrationPart(_Part):
     @model_validator(mode="after")
     def _one_length(self) -> CalibrationPart:
         if len({len(self.x_raw), len(self.y_raw), len(self.x_mm), len(self.y_mm)}) != 1:
-            raise ValueError("expected x_raw, y_raw, x_mm and y_mm of one length")
+            raise ValueError(message("expected x_raw, y_raw, x_mm and y_mm of one length"))
         return self
 
 
@@ -167,11 +171,11 @@ def read_header(path: Path) -> HeaderPart:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         where = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in first["loc"]).lstrip(".")
-        given = "" if first["type"] == "missing" else f", not {json.dumps(first['input'], default=str)[:60]}"
-        raise DataError(
-            message("{path}: {where}: {what}{given}", path=path, where=where, what=_plain(first), given=given),
-            "Correct this key and import again",
-        ) from error
+        problem = message("{path}: {where}: {what}", path=path, where=where, what=_plain(first))
+        if first["type"] != "missing":
+            given = json.dumps(first["input"], default=str)[:60]
+            problem = message("{problem}, not {given}", problem=problem, given=given)
+        raise DataError(problem, "Correct this key and import again") from error
 
 
 def _json(path: Path) -> Any:
@@ -186,12 +190,7 @@ def _json(path: Path) -> Any:
     return parse_json(read_text(path, HEADER_BYTES), path, message("Correct that line"))
 
 
-def _plain(error: Any) -> str:
-    text = str(error["msg"]).split(", unable to parse")[0].split(" or instance of ")[0]
-    text = text.replace("a valid dictionary", "an object {…}").replace("a valid list", "a list […]")
-    text = text.removeprefix("Value error, ")
-    if error["type"] == "missing":
-        return message("is missing")
-    if error["type"] == "string_pattern_mismatch":
+def _plain(fault: ErrorDetails) -> Message:
+    if fault["type"] == "string_pattern_mismatch":
         return message("expected the name of a file in the same folder")
-    return text.replace("Input should be", "expected").replace("Input", "input")
+    return refusal(fault, json=True)

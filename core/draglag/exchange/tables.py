@@ -88,19 +88,23 @@ def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
             continue
         cells = line.split(between)
         if len(cells) != len(names):
-            raise DataError(
-                message(
-                    "{path}, line {line}: expected {wanted} cells ({names}), found {found}",
-                    path=path,
-                    line=number,
-                    wanted=len(names),
-                    names=",".join(names),
-                    found=len(cells),
-                ),
-                "Correct or remove that line",
-            )
+            raise _wrong_cells(path, number, names, len(cells))
         rows.append([_number(cells[place], comma=between == ";") for place in wanted])
     return np.array(rows, float).reshape(-1, len(columns))
+
+
+def _wrong_cells(path: Path, line: int, names: Sequence[str], found: int) -> DataError:
+    return DataError(
+        message(
+            "{path}, line {line}: expected {wanted} cells ({names}), found {found}",
+            path=path,
+            line=line,
+            wanted=len(names),
+            names=",".join(names),
+            found=found,
+        ),
+        "Correct or remove that line",
+    )
 
 
 def _number(cell: str, comma: bool) -> float:

@@ -46,9 +46,19 @@ def excluded_because(estimate: RunEstimate) -> str:
     return ", ".join(flag.replace("_", " ") for flag in estimate.flags if flag in EXCLUDED)
 
 
+def gives_point(estimate: RunEstimate) -> bool:
+    """Whether the curve can use the latency: it has a finite standard error and lies inside the searched window."""
+    return bool(
+        estimate.latency_s is not None
+        and estimate.curve_se_s
+        and np.isfinite(estimate.curve_se_s)
+        and "at_window_end" not in estimate.flags
+    )
+
+
 def is_usable(estimate: RunEstimate) -> bool:
     """Whether the run's latency goes into the curve."""
-    return estimate.latency_s is not None and not excluded_because(estimate)
+    return gives_point(estimate) and not excluded_because(estimate)
 
 
 def why_excluded(

@@ -4,7 +4,7 @@ MEANING = {
     "no_touch": "no touch events: was the stylus on the screen, and is the touch device the right one?",
     "no_edges": "the laser saw nothing: is the beam on the sensor, and low enough for the stylus to block it?",
     "few_edges": "fewer than eight usable edges: the interval is wide; let the run last longer",
-    "at_window_end": "the best latency lies at the end of the searched window: widen the window",
+    "at_window_end": "the latency lies at the end of the searched window: it is not in the curve; widen the window",
     "unidentifiable": "the data do not determine a latency: more edges, more sideways travel, both directions",
     "alias": "a latency half a circle's period away fits about as well",
     "spurious_edges": "more than a tenth of the edges were made by something other than the stylus",

@@ -102,6 +102,19 @@ def tap_uncertainty_s(taps: Taps | None, clocks: Sequence[ClockBounds]) -> float
 
 def warnings_of(session: Session, estimates: Sequence[RunEstimate], tap_bounds: Mapping[str, float]) -> list[str]:
     """Warnings about clocks."""
+    said = [*_of_runs(estimates), *_of_taps(tap_bounds)]
+    everything = [*session.clocks, *(part for run in session.runs for part in run.sync)]
+    try:
+        fits = fit_clocks(everything)
+    except DataError as error:
+        return [*said, message("The clock comparisons cannot be read: {problem}.", problem=error.problem)]
+    # Of the width each run has had its say above.
+    for fit in fits.values():
+        said += clock_warnings(fit, of_width=False)
+    return said
+
+
+def _of_runs(estimates: Sequence[RunEstimate]) -> list[str]:
     said: list[str] = []
     unsure = {e.id: e.clock_uncertainty_s for e in estimates if "clock_uncertain" in e.flags}
     if unsure:
@@ -124,24 +137,15 @@ def warnings_of(session: Session, estimates: Sequence[RunEstimate], tap_bounds: 
                 runs=_listed(unknown),
             )
         )
-    for name, bound_s in tap_bounds.items():
-        if bound_s > WARN_S:
-            said.append(
-                message(
-                    "The {name}'s clock shifts the tap latencies by up to ±{worst:.2f} ms.",
-                    name=name,
-                    worst=1e3 * bound_s,
-                )
-            )
-    everything = [*session.clocks, *(part for run in session.runs for part in run.sync)]
-    try:
-        fits = fit_clocks(everything)
-    except DataError as error:
-        return [*said, message("The clock comparisons cannot be read: {problem}.", problem=error.problem)]
-    # Of the width each run has had its say above.
-    for fit in fits.values():
-        said += clock_warnings(fit, of_width=False)
     return said
+
+
+def _of_taps(bounds: Mapping[str, float]) -> list[str]:
+    return [
+        message("The {name}'s clock shifts the tap latencies by up to ±{worst:.2f} ms.", name=name, worst=1e3 * bound_s)
+        for name, bound_s in bounds.items()
+        if bound_s > WARN_S
+    ]
 
 
 def _listed(names: list[str]) -> str:

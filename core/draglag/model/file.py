@@ -17,6 +17,7 @@ from draglag.messages import message
 from draglag.provenance import Source
 from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, RUNS
+from draglag.reading.refusals import refusal
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS
 from draglag.system.temporary import new_file
@@ -93,22 +94,28 @@ class LatencyModel(_Table):
     @model_validator(mode="after")
     def _consistent(self) -> LatencyModel:
         if self.form not in FORMS:
-            raise ValueError(f"unknown curve form '{self.form}'; known: {', '.join(FORMS)}")
+            raise ValueError(
+                message("unknown curve form '{given}'; known: {known}", given=self.form, known=", ".join(FORMS))
+            )
         names = FORMS[self.form].names
         if set(self.parameters) != set(names):
-            raise ValueError(f"the form {self.form} has the parameters {', '.join(names)}")
+            raise ValueError(
+                message("the form {given} has the parameters {names}", given=self.form, names=", ".join(names))
+            )
         if len(self.covariance) != len(names) or any(len(row) != len(names) for row in self.covariance):
-            raise ValueError(f"covariance must be {len(names)} × {len(names)}")
+            raise ValueError(message("covariance must be {size} × {size}", size=len(names)))
         low, high = self.speed_range_mm_s
         if not 0 <= low <= high:
-            raise ValueError("speed_range_mm_s must run from low to high")
+            raise ValueError(message("speed_range_mm_s must run from low to high"))
         with np.errstate(all="ignore"):
             law_s = self.curve.predict_s(np.append(0.0, np.linspace(low, high, 50)))
         if not (np.abs(law_s) < LONGEST_S).all():
-            raise ValueError(f"the law gives latencies beyond {LONGEST_S:g} s; see its parameters")
+            raise ValueError(message("the law gives latencies beyond {most:g} s; see its parameters", most=LONGEST_S))
         unknown = [effect.id for effect in self.effects if effect.id not in EFFECTS]
         if unknown:
-            raise ValueError(f"unknown effect '{unknown[0]}'; known: {', '.join(EFFECTS)}")
+            raise ValueError(
+                message("unknown effect '{given}'; known: {known}", given=unknown[0], known=", ".join(EFFECTS))
+            )
         return self
 
     @property
@@ -223,8 +230,9 @@ def load_model(path: Path | str) -> LatencyModel:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        what = first["msg"].removeprefix("Value error, ")
-        wrong = message("{key}: {what}" if place else "{what}", key=place, what=what[:1].lower() + what[1:])
+        wrong = refusal(first, json=True)
+        if place:
+            wrong = message("{key}: {what}", key=place, what=wrong)
         raise DataError(message("{path}: not a latency model: {wrong}", path=path, wrong=wrong), MADE_BY) from None
     fault = _wrong_effect(model)
     if fault:

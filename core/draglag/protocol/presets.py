@@ -11,10 +11,11 @@ from typing import Annotated, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticCustomError
 
-from draglag.errors import DataError, message_of
-from draglag.messages import message, phrase
+from draglag.errors import DataError
+from draglag.messages import message
 from draglag.reading import parse_toml, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, SIZE_MM, SIZE_PX
+from draglag.reading.refusals import refusal
 from draglag.recording import Screen
 from draglag_resources import presets, resource
 
@@ -134,11 +135,7 @@ def read_toml(name_or_path: str | Path, folder: str, model: type[_Model]) -> tup
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part + 1) if isinstance(part, int) else part for part in first["loc"])
-        refused = first.get("ctx", {}).get("error")  # what a validator of ours raised
-        given = first["msg"][:1].lower() + first["msg"][1:]
-        what = message_of(refused) if isinstance(refused, ValueError) else phrase(given)
-        if first["type"] == "extra_forbidden":
-            what = message("there is no such key")
+        what = refusal(first)
         if place:
             what = message("{key}: {what}", key=place, what=what)
         line = _line_of(text, first["loc"])

@@ -37,14 +37,7 @@ def waterfall(report: GapReport, provisional: Provisional | None = None) -> Any:
 
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
-    bars = [("present model", report.gap_first_mm or 0.0, ORANGE, False)]
-    for step in report.steps:
-        doubted = step.probability < PROBABLE
-        name = f"+ {MARK if doubted else ''}{title_of(step.effect)}"
-        bars.append((name, step.gap_after_mm, PURPLE if doubted else BLUE, doubted))
-    if provisional is not None:
-        name = f"+ {MARK}without a name: {followed(provisional.covariate)}"
-        bars.append((name, provisional.gap_after_mm, PURPLE, True))
+    bars = _bars(report, provisional)
     for place, (_, value, colour, hatched) in enumerate(bars):
         look = {"facecolor": "none", "edgecolor": colour, "hatch": HATCH} if hatched else {"color": colour}
         axes.bar(place, value, width=0.55, **look)
@@ -65,6 +58,19 @@ def waterfall(report: GapReport, provisional: Provisional | None = None) -> Any:
     unsure = [Patch(facecolor="none", edgecolor=PURPLE, hatch=HATCH, label="provisional")]
     axes.legend(handles=[floor, *(unsure if any(hatched for *_, hatched in bars) else [])], loc="upper right")
     return figure
+
+
+def _bars(report: GapReport, provisional: Provisional | None) -> list[tuple[str, float, str, bool]]:
+    """(name, gap in mm, colour, whether provisional) of each bar."""
+    bars = [("present model", report.gap_first_mm or 0.0, ORANGE, False)]
+    for step in report.steps:
+        doubted = step.probability < PROBABLE
+        name = f"+ {MARK if doubted else ''}{title_of(step.effect)}"
+        bars.append((name, step.gap_after_mm, PURPLE if doubted else BLUE, doubted))
+    if provisional is not None:
+        name = f"+ {MARK}without a name: {followed(provisional.covariate)}"
+        bars.append((name, provisional.gap_after_mm, PURPLE, True))
+    return bars
 
 
 def _series(first: Fit, last: Fit) -> list[tuple[Fit, str, str, str]]:

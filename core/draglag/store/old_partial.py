@@ -226,7 +226,7 @@ def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]
         rows = columns.get(column.name)
         if rows is None and column.optional:
             continue
-        lost = length - (0 if rows is None else int(rows.readable[:length].sum()))
+        values, lost = _filled(rows, column, length)
         if lost and column is not table.scale:
             losses.append(
                 message(
@@ -237,11 +237,17 @@ def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]
                     length=length,
                 )
             )
-        values = np.full(length, column.fill, column.dtype)
-        if rows is not None:
-            values[: len(rows.values)] = rows.values[:length]
         target.create_dataset(column.name, data=values[kept])
     return {column.name for column in table.every()}
+
+
+def _filled(rows: _Rows | None, column: schema.Column, length: int) -> tuple[np.ndarray, int]:
+    """(length,) values of a column, and how many of them could not be read."""
+    values = np.full(length, column.fill, column.dtype)
+    if rows is None:
+        return values, length
+    values[: len(rows.values)] = rows.values[:length]
+    return values, length - int(rows.readable[:length].sum())
 
 
 def _rows_with_times(scale: _Rows | None, table: schema.Table, length: int) -> np.ndarray:

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.recording import OUTCOMES, PROTOCOLS, FloatArray, Run, Session
+from draglag.recording import OUTCOMES, PROTOCOLS, FloatArray, Run, Screen, Session, TouchTrace
 from draglag.store.checksum import raw_checksum
 from draglag.store.journal import UNFINISHED, all_losses, is_journal, open_journal, survey
 from draglag.store.read import READERS, read_session
@@ -128,19 +128,24 @@ def _run(run: Run, session: Session) -> list[tuple[str, str]]:
     touch, laser = run.touch, run.laser
     found += _times("touch", touch.t_s)
     found += _times("laser", laser.t_s)
-    if not (np.isfinite(touch.x_mm).all() and np.isfinite(touch.y_mm).all()):
-        found.append(("error", "touch positions are not all finite"))
-    screen = session.screen
-    outside = (touch.x_mm < -1) | (touch.x_mm > screen.width_mm + 1)
-    outside |= (touch.y_mm < -1) | (touch.y_mm > screen.height_mm + 1)
-    if outside.any():
-        found.append(("warning", f"{int(outside.sum())} touch events lie outside the screen"))
+    found += _positions(touch, session.screen)
     if touch.dropped or len(touch.gaps_s):
         found.append(("loss", f"touch: {touch.dropped} events dropped, {len(touch.gaps_s)} gaps"))
     if laser.missed or len(laser.gaps_s):
         found.append(("loss", f"laser: {laser.missed} edges missed, {len(laser.gaps_s)} gaps"))
     if not np.isin(laser.light, (0, 1)).all():
         found.append(("error", "laser levels other than 0 and 1"))
+    return found
+
+
+def _positions(touch: TouchTrace, screen: Screen) -> list[tuple[str, str]]:
+    found: list[tuple[str, str]] = []
+    if not (np.isfinite(touch.x_mm).all() and np.isfinite(touch.y_mm).all()):
+        found.append(("error", "touch positions are not all finite"))
+    outside = (touch.x_mm < -1) | (touch.x_mm > screen.width_mm + 1)
+    outside |= (touch.y_mm < -1) | (touch.y_mm > screen.height_mm + 1)
+    if outside.any():
+        found.append(("warning", f"{int(outside.sum())} touch events lie outside the screen"))
     return found
 
 

@@ -121,26 +121,20 @@ class FrameDecoder:
         return self._slots.setdefault(self._current, _Slot())
 
     def _absolute(self, event: InputEvent) -> None:
-        if self.multitouch:
-            if event.code == ABS_MT_SLOT:
-                self._current = event.value
-            elif event.code == ABS_MT_TRACKING_ID:
-                slot = self._slot()
-                if slot.contact_id >= 0:
-                    self._lifted.append(slot.contact_id)
-                slot.contact_id = event.value
-            elif event.code == ABS_MT_POSITION_X:
-                slot = self._slot()
-                slot.x, slot.moved = event.value, True
-            elif event.code == ABS_MT_POSITION_Y:
-                slot = self._slot()
-                slot.y, slot.moved = event.value, True
-        elif event.code == ABS_X:
+        x, y = (ABS_MT_POSITION_X, ABS_MT_POSITION_Y) if self.multitouch else (ABS_X, ABS_Y)
+        if event.code == x:
             slot = self._slot()
             slot.x, slot.moved = event.value, True
-        elif event.code == ABS_Y:
+        elif event.code == y:
             slot = self._slot()
             slot.y, slot.moved = event.value, True
+        elif self.multitouch and event.code == ABS_MT_SLOT:
+            self._current = event.value
+        elif self.multitouch and event.code == ABS_MT_TRACKING_ID:
+            slot = self._slot()
+            if slot.contact_id >= 0:
+                self._lifted.append(slot.contact_id)
+            slot.contact_id = event.value
 
     def _press(self, down: bool) -> None:
         slot = self._slot()

@@ -12,7 +12,7 @@ from draglag.curve import CurveFit
 from draglag.instruments.taps import TapSummary
 from draglag.latency import RunEstimate
 from draglag.messages import message
-from draglag.recording import Session
+from draglag.recording import ClockBounds, FloatArray, Session
 
 MARGIN_S = 0.003  # the mean least noticeable drag latency is 6 ms (the paper, Section I): half of it
 DRIFT_LIMIT_MS_PER_MIN = 1.0  # what the paper demands of a clock
@@ -168,26 +168,31 @@ class ClockDrift:
 def clock_drifts(session: Session) -> list[ClockDrift]:
     """Drift of every compared device clock over its longest epoch."""
     bounds = list(session.clocks) + [bound for run in session.runs for bound in run.sync]
-    out = []
-    for stream in dict.fromkeys(bound.stream for bound in bounds):
-        same = [bound for bound in bounds if bound.stream == stream]
-        device = np.concatenate([b.device_s for b in same])
-        low, high = (np.concatenate([getattr(b, name) for b in same]) for name in ("host_min_s", "host_max_s"))
-        epoch = np.concatenate(
-            [b.epoch if b.epoch.size == b.device_s.size else np.zeros(b.device_s.size) for b in same]
-        )
-        good = np.isfinite(device) & np.isfinite(low) & np.isfinite(high)
-        if not good.any():
-            continue
+    streams = dict.fromkeys(bound.stream for bound in bounds)
+    found = (_drift_of(stream, [bound for bound in bounds if bound.stream == stream]) for stream in streams)
+    return [drift for drift in found if drift is not None]
+
+
+def _drift_of(stream: str, bounds: list[ClockBounds]) -> ClockDrift | None:
+    """Least-squares drift; None with fewer than three comparisons in an epoch."""
+    t_s, late_s = _longest_epoch(bounds)
+    if t_s.size < 3 or np.ptp(t_s) <= 0:
+        return None
+    centred = t_s - t_s.mean()
+    slope = float(centred @ (late_s - late_s.mean()) / (centred @ centred))
+    residual = late_s - late_s.mean() - slope * centred
+    se = float(np.sqrt(residual @ residual / max(t_s.size - 2, 1) / (centred @ centred)))
+    # The host's clock gains on the device's where the device runs slow.
+    return ClockDrift(stream, -1e6 * slope, 1e6 * se, 1e3 * float(residual.std()), float(np.ptp(t_s)))
+
+
+def _longest_epoch(bounds: list[ClockBounds]) -> tuple[FloatArray, FloatArray]:
+    """Device times of the epoch with most comparisons, and the host's clock less the device's; empty without any."""
+    device = np.concatenate([b.device_s for b in bounds])
+    low, high = (np.concatenate([getattr(b, name) for b in bounds]) for name in ("host_min_s", "host_max_s"))
+    epoch = np.concatenate([b.epoch if b.epoch.size == b.device_s.size else np.zeros(b.device_s.size) for b in bounds])
+    good = np.isfinite(device) & np.isfinite(low) & np.isfinite(high)
+    if good.any():
         values, counts = np.unique(epoch[good], return_counts=True)
         good &= epoch == values[np.argmax(counts)]
-        t_s, late_s = device[good], 0.5 * (low + high)[good] - device[good]
-        if t_s.size < 3 or np.ptp(t_s) <= 0:
-            continue
-        centred = t_s - t_s.mean()
-        slope = float(centred @ (late_s - late_s.mean()) / (centred @ centred))
-        residual = late_s - late_s.mean() - slope * centred
-        se = float(np.sqrt(residual @ residual / max(t_s.size - 2, 1) / (centred @ centred)))
-        # The host's clock gains on the device's where the device runs slow.
-        out.append(ClockDrift(stream, -1e6 * slope, 1e6 * se, 1e3 * float(residual.std()), float(np.ptp(t_s))))
-    return out
+    return device[good], 0.5 * (low + high)[good] - device[good]

@@ -16,6 +16,7 @@ from draglag_devices.ethercat_laser.clockwatch import Pair
 from draglag_devices.ethercat_laser.edges import IMAGE
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
 from draglag_devices.ethercat_laser.refusal import Refusal
+from draglag_devices.ethercat_laser.waits import ANSWER_US, STATE_REQUEST_US, STATE_S
 
 _SYSTEM_TIME, _AGREE_NS = 0x0910, 1_000_000
 _FMMU0, _CYCLIC_UNIT, _LATCH_MODE = 0x0600, 0x0980, 0x09A8
@@ -23,11 +24,6 @@ _INPUTS, _LATCHES = 0x1000, 0x09AE
 _FMMU = struct.Struct("<IHBBHBBB3x")
 _LATCH_ON = b"\x00\x01"  # 0x0980: the bus controls the unit; 0x0981: on, no SYNC signals
 _SETTLING_CYCLES = 50
-# SOEM's socket waits in ticks of the kernel: a lost frame costs 8-12 ms whether 0.5 or 5 ms are asked, so the longer
-# patience is free and spares frames that a busy machine handles late.
-_ANSWER_US = 5000
-_STATE_TIMEOUT_US = 100_000
-_STATE_TIMEOUT_S = 1.0
 # AL status: four bits of state and the error flag; above them a device may say more (identification loaded).
 _STATE, _STATE_AND_ERROR, _ERROR = 0x0F, 0x1F, 0x10
 _TRIES = 5
@@ -204,15 +200,15 @@ class Bus:
 
     def _enter(self, state: int) -> None:
         master = self._master
-        until = time.monotonic() + _STATE_TIMEOUT_S
+        until = time.monotonic() + STATE_S
         while True:
             master.state = state
             master.write_state()
-            checked = time.monotonic() + _STATE_TIMEOUT_US / 1e6
+            checked = time.monotonic() + STATE_REQUEST_US / 1e6
             while time.monotonic() < checked:
                 if state == pysoem.OP_STATE:
                     self.cycle()
-                reached = master.state_check(state, _STATE_TIMEOUT_US // 10)
+                reached = master.state_check(state, STATE_REQUEST_US // 10)
                 if reached & _STATE_AND_ERROR == state:
                     self._progress()
                     return
@@ -251,7 +247,7 @@ class Bus:
         """One exchange, with host times around the DC time."""
         before = time.monotonic_ns()
         self._master.send_processdata()
-        wkc = self._master.receive_processdata(_ANSWER_US)
+        wkc = self._master.receive_processdata(ANSWER_US)
         after = time.monotonic_ns()
         return Cycle(int(wkc), Pair(int(self._master.dc_time), before, after), self.terminal.input)
 

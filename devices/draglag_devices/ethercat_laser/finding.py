@@ -15,8 +15,7 @@ from draglag_devices.ethercat_laser.helper import LAUNCHERS, command
 from draglag_devices.ethercat_laser.kinds import BECKHOFF, COUPLERS, EL1252
 from draglag_devices.ethercat_laser.preflight import INSTALL
 from draglag_devices.ethercat_laser.probe import NOT_ALLOWED, scan_bus
-
-_TIMEOUT_S = 10.0
+from draglag_devices.ethercat_laser.waits import DISCOVERY_S
 
 
 def find_buses(asked: Collection[str] = ()) -> list[Found]:
@@ -29,12 +28,12 @@ def _probe(asked: Collection[str]) -> tuple[str, list[dict[str, Any]]]:
     reason = ""
     try:
         done = subprocess.run(
-            command("--probe", *asked), stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=False
+            command("--probe", *asked), stdin=subprocess.DEVNULL, capture_output=True, timeout=DISCOVERY_S, check=False
         )
         reason = (done.stderr.decode(errors="replace").strip().splitlines() or [f"exit {done.returncode}"])[-1]
         return "", list(json.loads(done.stdout.splitlines()[-1], object_hook=unpacked)["found"])
     except subprocess.TimeoutExpired:
-        reason = message("no answer within {seconds:.0f} s", seconds=_TIMEOUT_S)
+        reason = message("no answer within {seconds:.0f} s", seconds=DISCOVERY_S)
     except OSError as error:
         reason = cause(error)
     except (ValueError, LookupError, TypeError):
@@ -51,14 +50,8 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
         remedy = message("close the other EtherCAT program")
         return Found(address, ("laser",), message("EtherCAT bus on {name}, in use", name=name), False, remedy)
     install = f"{INSTALL} {name}"
-    if seen["left_alone"] == NOT_ALLOWED:
-        remedy = message("install it again for this interface, as administrator: {command}", command=install)
-        return Found(address, ("laser",), _not_usable(name, NOT_ALLOWED), False, remedy)
     if seen["left_alone"]:
-        remedy = message("to look there: draglag devices --probe {name}", name=name)
-        # What is no Ethernet cable of this computer is nothing to choose.
-        roles = ("laser",) if seen["left_alone"].startswith("has ") else ()
-        return Found(address, roles, _not_usable(name, seen["left_alone"]), False, remedy)
+        return _left_alone(address, name, seen["left_alone"], install)
     if not seen["up"]:
         problem, remedy = (
             message("switched off"),
@@ -82,6 +75,16 @@ def _entry(seen: dict[str, Any], helper: str) -> Found:
         problem = message("no EtherCAT device answers")
         remedy = message("plug the cable into the coupler's IN port, switch it on")
     return Found(address, ("laser",), _not_usable(name, problem), False, remedy)
+
+
+def _left_alone(address: str, name: str, why: str, install: str) -> Found:
+    if why == NOT_ALLOWED:
+        remedy = message("install it again for this interface, as administrator: {command}", command=install)
+        return Found(address, ("laser",), _not_usable(name, NOT_ALLOWED), False, remedy)
+    remedy = message("to look there: draglag devices --probe {name}", name=name)
+    # What is no Ethernet cable of this computer is nothing to choose.
+    roles = ("laser",) if why.startswith("has ") else ()
+    return Found(address, roles, _not_usable(name, why), False, remedy)
 
 
 def _not_usable(name: str, problem: str) -> Message:

@@ -19,25 +19,22 @@ from draglag.messages import message, phrase, unpacked
 from draglag_devices.ethercat_laser import preflight
 from draglag_devices.ethercat_laser.probe import count_slaves
 from draglag_devices.ethercat_laser.refusal import Refusal
+from draglag_devices.ethercat_laser.waits import (
+    DEAD_GAP_NS,
+    EXIT_S,
+    LONG_S,
+    PAUSES_S,
+    POLL_S,
+    PROBE_PAUSES_S,
+    PROMPT_ANSWER_S,
+    SILENCE_S,
+    STUCK_S,
+)
 from draglag_devices.ethercat_laser.wire import ReaderGone, Wire
 
 _FIRST_TRIES = 5
 # What answers that got lost or came late on a busy computer may look like.
 _WORTH_A_TRY = ("no_slaves", "unsteady", "state", "set_up")
-# Between bring-ups that fail, and between questions whether the line answers at all, which disturb nobody.
-_PAUSES_S = (0.01, 0.01, 0.02, 0.02, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2, 0.5)
-_PROBE_PAUSES_S = (0.01, 0.01, 0.02, 0.02, 0.05, 0.05, 0.1)
-_PROMPT_S = 0.005
-# How long a bring-up may be without progress, by the number of those ended for it: one that works needs 0.1 s, but
-# a line of many devices on a busy computer must get its chance.
-_SILENCE_S = (1.0, 1.0, 2.0, 2.0, 4.0, 8.0, 30.0)
-# A life shorter than this was no real one: the pauses go on growing.
-_LONG_S = 2.0
-_DEAD_GAP_NS = 1_000_000_000
-_POLL_S = 0.1
-# A running bus reports every 10 ms.
-_STUCK_S = 3.0
-_EXIT_TIMEOUT_S = 1.0
 _PR_SET_PDEATHSIG = 1
 
 Life = Callable[[int, Wire], None]
@@ -81,20 +78,20 @@ class Keeper:
             if not self._first:
                 self._await_answers()
             begun_s = time.monotonic()
-            end = self._live(_SILENCE_S[min(hung, len(_SILENCE_S) - 1)])
+            end = self._live(SILENCE_S[min(hung, len(SILENCE_S) - 1)])
             hung += end.hung
             if end.ran:
                 self._first, hung = False, 0
                 self._report_loss(end.reason)
                 self.number += 1
-                if time.monotonic() - begun_s > _LONG_S:
+                if time.monotonic() - begun_s > LONG_S:
                     attempt = 0
                     continue  # at once: most losses are short
             if self._first and end.refusal is not None:
                 if end.refusal.code not in _WORTH_A_TRY or attempt == _FIRST_TRIES - 1:
                     raise end.refusal
             else:
-                self.wire.check(_PAUSES_S[min(attempt, len(_PAUSES_S) - 1)])
+                self.wire.check(PAUSES_S[min(attempt, len(PAUSES_S) - 1)])
             attempt += 1
 
     def _await_answers(self) -> None:
@@ -104,9 +101,9 @@ class Keeper:
             with contextlib.suppress(Refusal, OSError):  # the loss has been reported, and the next try comes
                 preflight.check_interface(self.interface)
                 # SOEM takes many seconds to give up on a line that is dead or slow; two frames show it sooner.
-                if all(count_slaves(self.interface, _PROMPT_S, (2 * asked + k) % 128) for k in (0, 1)):
+                if all(count_slaves(self.interface, PROMPT_ANSWER_S, (2 * asked + k) % 128) for k in (0, 1)):
                     return
-            self.wire.check(_PROBE_PAUSES_S[min(asked, len(_PROBE_PAUSES_S) - 1)])
+            self.wire.check(PROBE_PAUSES_S[min(asked, len(PROBE_PAUSES_S) - 1)])
             asked += 1
 
     # --- one life ---------------------------------------------------------------------------------------------
@@ -117,7 +114,7 @@ class Keeper:
         try:
             heard_s = time.monotonic()
             while True:
-                if self.wire.wait(child.out, _POLL_S):
+                if self.wire.wait(child.out, POLL_S):
                     heard_s = time.monotonic()
                     lines = child.lines()
                     if lines is None:
@@ -128,7 +125,7 @@ class Keeper:
                         end = self._take(content, line)
                         if end is not None:
                             return end
-                elif ready and time.monotonic() - heard_s > _STUCK_S:
+                elif ready and time.monotonic() - heard_s > STUCK_S:
                     child.kill()
                     self._dead_from = self._until
                     return End(True, message("the process that runs the bus stands still"))
@@ -181,7 +178,7 @@ class Keeper:
 
     def _still_dead(self) -> None:
         now = time.monotonic_ns()
-        if self._dead_from is not None and now - self._dead_from > _DEAD_GAP_NS:
+        if self._dead_from is not None and now - self._dead_from > DEAD_GAP_NS:
             self.wire.send("gap", start=self._dead_from, end=now, missed=0)
             self._dead_from = now
         self.wire.send("tick", until=now if self._dead_from is None else self._dead_from, alive=False)
@@ -234,7 +231,7 @@ class _Child:
             return
         self._alive = False
         os.close(self._in)
-        until = time.monotonic() + _EXIT_TIMEOUT_S
+        until = time.monotonic() + EXIT_S
         while os.waitpid(self._pid, os.WNOHANG)[0] == 0:
             if time.monotonic() > until:
                 self.kill()

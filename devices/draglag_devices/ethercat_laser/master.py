@@ -15,9 +15,8 @@ from draglag.messages import message
 from draglag_devices.ethercat_laser import preflight
 from draglag_devices.ethercat_laser.keeper import Crashed, Keeper
 from draglag_devices.ethercat_laser.refusal import Refusal
+from draglag_devices.ethercat_laser.waits import INHERIT_S
 from draglag_devices.ethercat_laser.wire import ReaderGone, Wire
-
-_INHERIT_S = 3.0
 
 
 def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, position: int = 0) -> int:
@@ -28,7 +27,7 @@ def serve(interface: str, channel: int, wire: Wire, first_epoch: int = 0, positi
             preflight.check_interface(interface)
         preflight.check_rights(interface)
         # After a crash of an earlier process it may take a moment until it has let go of everything.
-        lock = preflight.claim(interface, 0.0 if first_epoch == 0 else _INHERIT_S)
+        lock = preflight.claim(interface, 0.0 if first_epoch == 0 else INHERIT_S)
         try:
             from draglag_devices.ethercat_laser.runner import live
         except ModuleNotFoundError as missing:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from draglag.messages import message
 from draglag_devices.ethercat_laser.refusal import Refusal
+from draglag_devices.ethercat_laser.waits import CLAIM_PAUSE_S
 
 _SIOCGIFFLAGS, _SIOCETHTOOL, _ETHTOOL_GLINK = 0x8913, 0x8946, 0x0A
 _IFF_UP, _IFF_RUNNING = 0x1, 0x40
@@ -132,4 +133,4 @@ def claim(interface: str, patience_s: float = 0.0) -> socket.socket:
                 message("the EtherCAT bus on {name} is in use by another program", name=interface),
                 "close the other program (a second draglag, TwinCAT, a SOEM tool) and try again",
             )
-        time.sleep(0.01)
+        time.sleep(CLAIM_PAUSE_S)

@@ -15,9 +15,9 @@ from typing import Any
 from draglag.messages import message
 from draglag_devices.ethercat_laser.preflight import ETHERTYPE, has_rights, link_state, other_master
 from draglag_devices.ethercat_laser.surroundings import used_addresses, why_not_ask
+from draglag_devices.ethercat_laser.waits import PROBE_ANSWER_S
 
 _SIOCGIFHWADDR, _ETHERNET, _UP = 0x8927, 1, 0x1
-_WAIT_S = 0.03
 # Commands: read and write by place on the line, read all.
 _APRD, _APWR, _BRD = 1, 2, 7
 _TYPE, _STATE, _EEPROM_OWNER, _EEPROM, _EEPROM_DATA = 0x0000, 0x0130, 0x0500, 0x0502, 0x0508
@@ -79,7 +79,7 @@ def _ethernet(interface: str) -> bool:
     return False
 
 
-def count_slaves(interface: str, within_s: float = _WAIT_S, index: int = _FIRST_INDEX) -> int:
+def count_slaves(interface: str, within_s: float = PROBE_ANSWER_S, index: int = _FIRST_INDEX) -> int:
     """Number of devices that answer in time; ``index`` excludes late answers."""
     with contextlib.suppress(OSError), _Line(interface, within_s, index) as line:
         return line.exchange(_BRD, 0, _TYPE, bytes(2))[0]
@@ -100,7 +100,7 @@ class _Line:
     """Single frames on an interface. Raises OSError."""
 
     interface: str
-    within_s: float = _WAIT_S
+    within_s: float = PROBE_ANSWER_S
     index: int = _FIRST_INDEX
 
     def __enter__(self) -> _Line:

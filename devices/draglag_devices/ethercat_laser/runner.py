@@ -12,18 +12,22 @@ from draglag.errors import message_of
 from draglag.messages import message
 from draglag_devices.ethercat_laser.bus import Bus
 from draglag_devices.ethercat_laser.refusal import Refusal
+from draglag_devices.ethercat_laser.waits import (
+    CLOCK_EVERY_NS,
+    CYCLE_NS,
+    DELAYED_NS,
+    STATE_EVERY_NS,
+    SUMMARY_EVERY_NS,
+    TICK_EVERY_NS,
+)
 from draglag_devices.ethercat_laser.watch import BAD_CYCLES, WORDS, Epoch, Found
 from draglag_devices.ethercat_laser.wire import Wire
 
-CYCLE_NS = 1_000_000
-_STATE_NS, _CLOCK_NS, _TICK_NS, _SUMMARY_NS = 100_000_000, 250_000_000, 10_000_000, 1_000_000_000
 # First cycles of an epoch: only for the narrowest clock pair, and for the latches to be up to date.
 _BASELINE_CYCLES = 20
 _BASELINE_TRIES = 200
 # What the terminal's clock may differ from the bus's: the design warns above 1 ms.
 _DIVERGENCE_NS = 1_000_000
-# Pauses that are worth a word; shorter ones happen all the time, and what they leave in doubt is marked.
-_DELAYED_NS = 50_000_000
 
 
 class Restart(Exception):
@@ -71,8 +75,8 @@ class Runner:
 
     def _cycles(self, bus: Bus, epoch: Epoch) -> NoReturn:
         next_ns = time.monotonic_ns()
-        state_ns, clock_ns = next_ns + _STATE_NS, next_ns + _CLOCK_NS
-        tick_ns, summary_ns = next_ns, next_ns + _SUMMARY_NS
+        state_ns, clock_ns = next_ns + STATE_EVERY_NS, next_ns + CLOCK_EVERY_NS
+        tick_ns, summary_ns = next_ns, next_ns + SUMMARY_EVERY_NS
         self._failed_checks = 0
         while True:
             found = epoch.take(bus.cycle())
@@ -85,18 +89,18 @@ class Runner:
             if now >= tick_ns:
                 self.wire.check()
                 self.wire.send("tick", until=epoch.good_ns, alive=True)
-                tick_ns = now + _TICK_NS
+                tick_ns = now + TICK_EVERY_NS
             if now >= clock_ns:
                 self._report_clock(epoch)
-                clock_ns = now + _CLOCK_NS
+                clock_ns = now + CLOCK_EVERY_NS
             # Where cycles fail already, they are more informative than a question about the state.
             if now >= state_ns and not epoch.bad:
-                state_ns = now + (_STATE_NS if self._check_state(bus, now) else 0)
+                state_ns = now + (STATE_EVERY_NS if self._check_state(bus, now) else 0)
             if now >= summary_ns:
                 self._summarise(epoch)
                 if not epoch.bad:
                     self._check_terminal_clock(bus, epoch)
-                summary_ns = now + _SUMMARY_NS
+                summary_ns = now + SUMMARY_EVERY_NS
             next_ns = _wait_for_cycle(next_ns + CYCLE_NS)
 
     def _send_found(self, found: Found, epoch: Epoch) -> None:
@@ -191,7 +195,7 @@ class Runner:
         since, self._summed_ns = self._summed_ns, time.monotonic_ns()
         cycles, epoch.cycles = epoch.cycles, 0
         self.wire.send("cycles", since=since, t=self._summed_ns, cycles=cycles, refused=dict(counts))
-        if pauses_ns and max(pauses_ns) > _DELAYED_NS:
+        if pauses_ns and max(pauses_ns) > DELAYED_NS:
             self._notice(
                 "warning",
                 message(

@@ -23,11 +23,10 @@ from draglag_devices.addresses import Address
 from draglag_devices.clockmap import OnlineClockMap
 from draglag_devices.ethercat_laser.disturbed import Disturbances
 from draglag_devices.ethercat_laser.helper import start
+from draglag_devices.ethercat_laser.waits import CLOSE_S, MESSAGE_S, OPEN_S
 from draglag_devices.source import Batch, DeviceError, Notice, SourceInfo
 
 STREAM = "laser"
-_OPEN_TIMEOUT_S = 20.0
-_CLOSE_TIMEOUT_S = 3.0
 _MOST_RESPAWNS = 3
 _NS = 1e-9
 
@@ -108,10 +107,10 @@ class EthercatLaser:
         self._zero_ns, self._epoch, self._respawns, self._died_s = None, 0, 0, None
         self._early = _Gathered()
         self._spawn()
-        patience_s = time.monotonic() + _OPEN_TIMEOUT_S
+        patience_s = time.monotonic() + OPEN_S
         try:
             while time.monotonic() < patience_s:
-                messages = self._messages(0.5)
+                messages = self._messages(MESSAGE_S)
                 for content in messages:
                     self._take(content, self._early)
                 for content in messages:
@@ -154,12 +153,12 @@ class EthercatLaser:
                     with contextlib.suppress(OSError):
                         pipe.close()
             try:
-                process.wait(_CLOSE_TIMEOUT_S)
+                process.wait(CLOSE_S)
             except subprocess.TimeoutExpired:
                 with contextlib.suppress(OSError):  # a launcher with capabilities may not be ours to signal
                     process.kill()
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(_CLOSE_TIMEOUT_S)
+                    process.wait(CLOSE_S)
         if self._complaints is not None:
             self._complaints.close()
             self._complaints = None

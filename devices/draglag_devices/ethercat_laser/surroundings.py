@@ -9,6 +9,7 @@ from ipaddress import ip_address
 from pathlib import Path
 
 from draglag.messages import message
+from draglag_devices.ethercat_laser.waits import ADDRESSES_S
 
 _NET = Path("/sys/class/net")
 _GETADDR, _NEWADDR, _DONE, _ERROR = 22, 20, 3, 2
@@ -38,7 +39,7 @@ def used_addresses() -> dict[int, list[str]]:
     """Interface's index → IPv4 and global IPv6 addresses. Raises OSError."""
     found: dict[int, list[str]] = {}
     with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, 0) as kernel:
-        kernel.settimeout(1.0)
+        kernel.settimeout(ADDRESSES_S)
         kernel.bind((0, 0))
         size = _HEAD.size + _ADDRESS.size
         kernel.send(_HEAD.pack(size, _GETADDR, _REQUEST_DUMP, 1, 0) + _ADDRESS.pack(0, 0, 0, 0, 0))

@@ -9,14 +9,11 @@ from draglag.messages import message
 from draglag_devices.ethercat_laser.bus import Cycle
 from draglag_devices.ethercat_laser.clockwatch import ClockWatch, Pair
 from draglag_devices.ethercat_laser.edges import EdgeFinder, decode
+from draglag_devices.ethercat_laser.waits import STALL_NS, UNWATCHED_NS
 
 BAD_CYCLES = 8
 # Stamps come from the terminal's clock, DC times from the coupler's; both follow one time to within microseconds.
 _STAMP_TOLERANCE_NS = 5_000_000
-# Cycles are 1 ms apart, and one stamp for each direction and cycle is what the terminal can do. Longer is a stall.
-STALL_NS = 1_500_000
-# The state of the devices is asked for every 100 ms: over a longer pause nothing is known for sure.
-UNWATCHED_NS = 150_000_000
 
 WORDS = {
     "lost": message("the EtherCAT line does not answer (cable or supply)"),

@@ -8,7 +8,7 @@ import fcntl
 import os
 import select
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -115,6 +115,7 @@ class KernelTouch:
         device = self._device
         able = device.capabilities(absinfo=True)
         absolute = dict(able.get(EV_ABS, []))
+        pressed = BTN_TOUCH in able.get(EV_KEY, [])
         multitouch = ABS_MT_POSITION_X in absolute and ABS_MT_SLOT in absolute
         codes = (ABS_MT_POSITION_X, ABS_MT_POSITION_Y) if multitouch else (ABS_X, ABS_Y)
         if ABS_MT_POSITION_X in absolute and not multitouch:
@@ -123,15 +124,8 @@ class KernelTouch:
                 message("{name} speaks the old multi-touch protocol without slots", name=device.name),
                 "update its driver",
             )
-        if not all(code in absolute for code in codes) or not (multitouch or BTN_TOUCH in able.get(EV_KEY, [])):
-            axes_there = phrase(event_names((EV_ABS, code) for code in absolute))
-            if BTN_TOUCH not in able.get(EV_KEY, []):
-                axes_there = message("{axes}, and no BTN_TOUCH", axes=axes_there)
-            raise DeviceError(
-                address,
-                message("{name} is not a touchscreen: it reports {axes}", name=device.name, axes=axes_there),
-                "draglag devices lists touchscreens",
-            )
+        if not all(code in absolute for code in codes) or not (multitouch or pressed):
+            raise _no_touchscreen(address, device.name, absolute, pressed)
         axes = [
             AxisInfo(AXIS_NAMES[code], info.min, info.max, info.resolution, info.fuzz)
             for code, info in ((code, absolute[code]) for code in codes)
@@ -198,6 +192,17 @@ class KernelTouch:
             self._device.close()
         except OSError:
             return  # an unplugged device cannot be closed any better
+
+
+def _no_touchscreen(address: str, name: str, absolute: Iterable[int], pressed: bool) -> DeviceError:
+    axes = phrase(event_names((EV_ABS, code) for code in absolute))
+    if not pressed:
+        axes = message("{axes}, and no BTN_TOUCH", axes=axes)
+    return DeviceError(
+        address,
+        message("{name} is not a touchscreen: it reports {axes}", name=name, axes=axes),
+        "draglag devices lists touchscreens",
+    )
 
 
 def _refusal(address: str, error: OSError) -> DeviceError:

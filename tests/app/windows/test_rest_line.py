@@ -118,7 +118,7 @@ def test_a_rest_counts_down_with_the_time_left_in_the_session_below_the_verdict(
     until(lambda: not window.space.recording.active)
 
 
-ONE = RunEstimate("run-01", "circle", 600.0, "kernel", latency_s=0.04, flags=("few_edges",))
+ONE = RunEstimate("run-01", "circle", 600.0, "kernel", latency_s=0.04, latency_se_s=5e-4, flags=("few_edges",))
 
 
 def test_a_good_run_says_its_latency_and_one_with_flags_names_them_all() -> None:

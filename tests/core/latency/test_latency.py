@@ -11,8 +11,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bench.rigs import bound_of, circle_run, rig_with_latency
+from draglag.analysis import curve_points
 from draglag.exchange import read_exchange
 from draglag.latency import RunEstimate, estimate_run, with_systematics
+from draglag.latency.conduct import is_usable
 from draglag.latency.estimators import OWN
 from draglag.latency.flags import MEANING
 from draglag.recording import Beam, LaserTrace, Run, TouchTrace
@@ -253,6 +255,15 @@ def test_edges_that_determine_no_line_give_no_latency() -> None:
 def test_beyond_the_window_is_never_silent(plain: Run) -> None:
     found = measured(plain, window_s=(0.0, 0.05))
     assert found.latency_s is None or "at_window_end" in found.flags or abs(found.latency_s - 0.09) < 1e-3
+
+
+def test_a_latency_at_the_end_of_its_window_is_usable_nowhere(plain: Run) -> None:
+    found = measured(plain, window_s=(0.0, 0.092))
+    assert found.latency_s == pytest.approx(0.09, abs=1e-3)
+    assert found.flags == ("at_window_end",)
+    assert not is_usable(found)
+    assert len(curve_points([found]).latency_s) == 0
+    assert is_usable(measured(plain))
 
 
 def test_too_few_edges_give_no_latency(plain: Run) -> None:

@@ -57,20 +57,24 @@ class CurvePlot(Plot):
             self.relabel(self._labels[0], self._labels[1], axis)
         if curve is not None:
             self.draw_curve(tr("curve"), curve, colours.blue, "" if self._named_above else tr("95 % band"))
-        for k, alternative in enumerate(alternatives):
-            colour = (colours.green, colours.purple, colours.sky, colours.orange)[k % 4]
-            speed = speeds_of(alternative)
-            latency_ms = self._less_base_ms(speed, alternative.predict_s(speed))
-            self.line(words.form_name(alternative.form), speed, latency_ms, colour, 1.5, dash=True)
+        self._draw_alternatives(alternatives)
+        kept = [e for e in good if e.id not in out]
         for name, chosen, symbol, colour in (
-            (tr("runs"), [e for e in good if not e.flags and e.id not in out], "o", colours.orange),
-            (tr("runs with a flag"), [e for e in good if e.flags and e.id not in out], "t", colours.orange),
+            (tr("runs"), [e for e in kept if not e.flags], "o", colours.orange),
+            (tr("runs with a flag"), [e for e in kept if e.flags], "t", colours.orange),
             (tr("excluded"), [e for e in good if e.id in out], "x", colours.muted),
         ):
             if chosen:
                 self._runs(name, chosen, symbol, colour, clicked)
         if good:
             self._fit_ranges(good, out, len(alternatives))
+
+    def _draw_alternatives(self, alternatives: tuple[CurveFit, ...]) -> None:
+        colours = (theme().green, theme().purple, theme().sky, theme().orange)
+        for k, alternative in enumerate(alternatives):
+            speed = speeds_of(alternative)
+            latency_ms = self._less_base_ms(speed, alternative.predict_s(speed))
+            self.line(words.form_name(alternative.form), speed, latency_ms, colours[k % 4], 1.5, dash=True)
 
     def _fit_ranges(self, good: list[RunEstimate], out: set[str], alternatives: int) -> None:
         # The margin below is for the labels of zero.

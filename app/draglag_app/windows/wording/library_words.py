@@ -24,6 +24,7 @@ _SOURCES = {
     "participant": QT_TRANSLATE_NOOP("Source", "participant"),
     "standstill": QT_TRANSLATE_NOOP("Source", "computer"),
     "practice": QT_TRANSLATE_NOOP("Source", "protocol"),
+    "listener": QT_TRANSLATE_NOOP("Source", "program"),
 }
 
 # Why a run ended that the participant's window was asked to end.

@@ -128,7 +128,8 @@ def verdict_parts(estimate: RunEstimate) -> tuple[str, list[str]]:
     """As ``verdict``, with single flags, most important first."""
     names = [flag_name(flag) for flag in estimate.flags]
     if not is_usable(estimate):
-        return "bad", names or [say("no latency")]
+        without = say("no latency") if estimate.latency_s is None else say("no standard error")
+        return "bad", names or [without]
     return ("warning", names) if names else ("ok", [say("good")])
 
 

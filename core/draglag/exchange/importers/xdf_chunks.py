@@ -107,12 +107,10 @@ def _sound(tag: int, content: bytes, found: Chunks) -> bool:
         return False
     (stream,) = struct.unpack_from("<I", content)
     content = content[4:]
-    if tag == _STREAM_HEAD:
-        if stream in found.sample_bytes:
-            raise _Damaged
-        found.sample_bytes[stream] = _sample_bytes(_xml(content))
-    elif stream not in found.sample_bytes:
+    if (tag == _STREAM_HEAD) == (stream in found.sample_bytes):  # begun twice, or continued without a beginning
         raise _Damaged
+    if tag == _STREAM_HEAD:
+        found.sample_bytes[stream] = _sample_bytes(_xml(content))
     size = found.sample_bytes[stream]
     if size is None:
         return False

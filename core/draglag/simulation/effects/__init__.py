@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from draglag.errors import DataError
 from draglag.messages import message
 from draglag.simulation.effects.acceleration_lag import AccelerationLag
-from draglag.simulation.effects.base import Confounder, Edges, Effect, TouchEvents, each_contact
+from draglag.simulation.effects.base import Edges, Effect, TouchEvents, each_contact
 from draglag.simulation.effects.beam_bow import BeamBow
 from draglag.simulation.effects.beam_wedge import BeamWedge
 from draglag.simulation.effects.beam_width import BeamWidth
@@ -80,7 +80,6 @@ for _effect in effects_of_other_packages(EFFECTS):
 
 __all__ = [
     "EFFECTS",
-    "Confounder",
     "Edges",
     "Effect",
     "Parameter",

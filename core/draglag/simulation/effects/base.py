@@ -18,15 +18,6 @@ from draglag.simulation.residual import LineGains, Signature, View
 
 
 @dataclass(frozen=True)
-class Confounder:
-    """Rival explanation (effect id or words) and the recording that separates it."""
-
-    effect_id: str
-    why: str
-    extra_run: str
-
-
-@dataclass(frozen=True)
 class TouchEvents:
     """Touch events in session time, (n,) each."""
 
@@ -68,7 +59,6 @@ class Effect(InFits):
     id: ClassVar[str]
     meaning: ClassVar[str]
     parameters: ClassVar[tuple[Parameter, ...]]
-    confounded_with: ClassVar[tuple[Confounder, ...]] = ()
     title: ClassVar[str] = ""
     """Name for people; empty: its id in words."""
     follows: ClassVar[str] = ""

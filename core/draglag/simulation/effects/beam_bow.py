@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
@@ -24,13 +24,6 @@ class BeamBow(Effect):
     separated_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"
     undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("bow_mm", "mm", -3.0, 3.0, 0.3),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "spatial_warp",
-            "along one line a quadratic bend of the panel's coordinates moves every edge as a curved beam does",
-            "a second beam height",
-        ),
-    )
 
     def distance(self, distance_mm: FloatArray, k: Kinematics) -> FloatArray:
         u = 2 * k.motion.x_mm / k.width_mm - 1

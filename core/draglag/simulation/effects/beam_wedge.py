@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
@@ -28,13 +28,6 @@ class BeamWedge(Effect):
     identifiable_with: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("across_mm", "mm", -5.0, 5.0, 1.0, title="across the panel"),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "spatial_warp",
-            "both change along the beam, one for the two sides alike and one for them apart",
-            "none, if both kinds of edge were recorded on both sides; otherwise a longer run",
-        ),
     )
 
     def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
@@ -26,13 +26,6 @@ class BeamWidth(Effect):
     )
     undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("extra_mm", "mm", -5.0, 5.0, -1.0),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "scale_error",
-            "all edges lie within half a diameter of the beam, where a stretch only changes the apparent width",
-            "a second beam position, some centimetres away",
-        ),
-    )
 
     def diameter(self, diameter_mm: FloatArray, k: Kinematics) -> FloatArray:
         return np.maximum(diameter_mm + self.value, 0.0)

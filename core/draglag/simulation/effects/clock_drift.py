@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.residual import LineGains, Signature, View, column
 
@@ -25,13 +25,6 @@ class ClockDrift(Effect):
     undone_in: ClassVar[str] = "laser"
     removed_by_clock_comparisons: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("drift_ppm", "ppm", -500.0, 500.0, 30.0),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "thermal_drift",
-            "both move every latency in proportion to the time since the session began",
-            "taps before and after the runs, or clock comparisons: taps never touch the laser's clock",
-        ),
-    )
 
     def laser_clock(self, t_s: FloatArray) -> FloatArray:
         return t_s * (1 + self.value * 1e-6)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Confounder, Edges, Effect
+from draglag.simulation.effects.base import Edges, Effect
 from draglag.simulation.effects.parameter import Parameter
 
 
@@ -22,13 +22,6 @@ class ClockOffset(Effect):
     laser_late: ClassVar[bool] = True
     drags_early: ClassVar[int] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset_s", "s", -0.1, 0.1, 0.005),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "curve constant",
-            "an offset of the clock and the constant of the latency curve move every edge alike",
-            "taps on the same clock: their latency is the curve's asymptote",
-        ),
-    )
 
     def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
         return Edges(edges.t_s + self.value, edges.light)

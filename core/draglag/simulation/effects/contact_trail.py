@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 
@@ -21,19 +21,6 @@ class ContactTrail(Effect):
     needs: ClassVar[str] = "other stylus"
     identifiable_with: ClassVar[str] = "a fixed trail hides in the latency law: a tap or a second stylus shows it"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("trail_mm", "mm", -3.0, 3.0, 0.5),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "curve form",
-            "a fixed distance is a latency of distance over speed, which the curve absorbs",
-            "taps, or a second stylus with another tip",
-        ),
-        Confounder(
-            "direction_asymmetry",
-            "where every crossing is square to the beam, an offset that changes sign with the "
-            "direction looks like latency",
-            "circles whose centre is 30 mm off the beam",
-        ),
-    )
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         # a stylus that rests has no direction: the trail fades below a few mm/s

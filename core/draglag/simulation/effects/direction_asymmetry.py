@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
@@ -26,14 +26,6 @@ class DirectionAsymmetry(Effect):
     separated_by: ClassVar[str] = "circles whose centre lies 30 mm off the beam"
     undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("difference_s", "s", -0.05, 0.05, 0.006),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "contact_trail",
-            "where every crossing is square to the beam, an offset that changes sign with the "
-            "direction looks like latency",
-            "circles whose centre is 30 mm off the beam",
-        ),
-    )
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         return latency_s + 0.5 * self.value * np.sign(k.motion.vy_mm_s)

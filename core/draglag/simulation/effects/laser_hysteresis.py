@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Confounder, Edges, Effect
+from draglag.simulation.effects.base import Edges, Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.residual import LineGains, Signature, View, column
 
@@ -20,13 +20,6 @@ class LaserHysteresis(Effect):
     where: ClassVar[str] = "edges where the beam becomes clear"
     undone_in: ClassVar[str] = "laser"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.01, 0.01, 0.0018),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "beam_width",
-            "at one speed a late return of the light is a wider shadow",
-            "circles at slow and at fast speeds",
-        ),
-    )
 
     def edges(self, edges: Edges, rng: np.random.Generator) -> Edges:
         return Edges(edges.t_s + self.value * (edges.light == 1), edges.light)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from draglag.recording import FloatArray, Screen
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters
 from draglag.simulation.effects.parameter import PER_CENT, Parameter
 from draglag.simulation.kinematics import Kinematics
@@ -26,13 +26,6 @@ class ScaleError(Effect):
     needs: ClassVar[str] = "other stylus"
     identifiable_with: ClassVar[str] = "a second beam position separates a wider shadow from a wrong scale"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("share", "1", -0.2, 0.2, 0.02, read_as=PER_CENT),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "beam_width",
-            "all edges lie within half a diameter of the beam, where a stretch only changes the apparent width",
-            "a second beam position, some centimetres away",
-        ),
-    )
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         x = x_mm + self.value * (k.motion.x_mm - k.width_mm / 2)

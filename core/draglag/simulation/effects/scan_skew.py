@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
@@ -28,13 +28,6 @@ class ScanSkew(Effect):
     identifiable_with: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("across_s", "s", -0.05, 0.05, 0.008, title="across the panel"),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "clock_drift",
-            "in one run the stylus goes from left to right as time passes",
-            "runs in which the target travels from right to left",
-        ),
     )
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 
@@ -30,13 +30,6 @@ class ThermalDrift(Effect):
         "taps before and after the runs separate a drifting clock from a creeping latency"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("creep_s_per_h", "s/h", -0.5, 0.5, 0.04, title="creep"),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "clock_drift",
-            "both move every latency in proportion to the time since the session began",
-            "taps before and after the runs, or clock comparisons: a laser clock that drifts leaves taps alone",
-        ),
-    )
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:
         return latency_s + self.value * k.session_s / 3600

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
@@ -32,18 +32,6 @@ class WarmUp(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude_s", "s", -0.1, 0.1, 0.012),
         Parameter("time_constant_s", "s", 10.0, 5000.0, 500.0),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "thermal_drift",
-            "within less than its time constant a latency that settles is all but a straight line",
-            "a session of three time constants",
-        ),
-        Confounder(
-            "clock_drift",
-            "within less than its time constant a latency that settles is all but a straight line",
-            "taps before and after the runs, or clock comparisons: a laser clock that drifts leaves taps alone",
-        ),
     )
 
     time_constant_s: float = 500.0

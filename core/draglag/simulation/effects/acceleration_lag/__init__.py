@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import FittedTerm, Theta
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
@@ -41,13 +41,6 @@ class AccelerationLag(Effect):
     identifiable_with: ClassVar[str] = "a chirp or step whose speed changes quickly"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("lag_s_per_mm_s2", "s per mm/s²", -5e-05, 5e-05, 2e-06, title="lag"),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "lagging_law",
-            "at a nearly constant acceleration an older speed and a lower speed are the same",
-            "runs whose speed changes quickly: chirp and steps",
-        ),
     )
 
     def latency(self, latency_s: FloatArray, k: Kinematics, rng: np.random.Generator) -> FloatArray:

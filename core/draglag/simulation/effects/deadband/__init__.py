@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, TouchEvents, each_contact
+from draglag.simulation.effects.base import Effect, TouchEvents, each_contact
 from draglag.simulation.effects.parameter import Parameter
 
 JUMP, BACKLASH, FUZZ = 0.0, 1.0, 2.0
@@ -34,23 +34,6 @@ class Deadband(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("width_mm", "mm", 0.0, 3.0, 0.3),
         Parameter("kind", "1", 0.0, 2.0, 0.0, whole=True),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "contact_trail",
-            "along a line a position that stays behind by half of a play is one that trails by a fixed distance",
-            "slow runs that turn: there the play shows",
-        ),
-        Confounder(
-            "curve form",
-            "a fixed distance is a latency of distance over speed, which the curve absorbs",
-            "slow runs that turn: there the play shows",
-        ),
-        Confounder(
-            "loss_of_contact",
-            "both leave stretches without new positions",
-            "none: a lost contact comes at every speed, a deadband where the stylus is slow",
-        ),
     )
     kind: float = JUMP
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Confounder, Effect, TouchEvents
+from draglag.simulation.effects.base import Effect, TouchEvents
 from draglag.simulation.effects.parameter import Parameter
 
 
@@ -22,18 +22,6 @@ class FrameBatching(Effect):
     detected_by: ClassVar[str] = "draglag.simulation.effects.frame_batching.stream"
     detection_order: ClassVar[int] = 2
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("frames", "1", 1.0, 20.0, 2.0, whole=True),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "timestamp_quantisation",
-            "both make stamps late by up to a few frames",
-            "none: groups and grids show in the stamps themselves",
-        ),
-        Confounder(
-            "curve constant",
-            "the mean delay of a group is a constant latency",
-            "taps through the same host",
-        ),
-    )
     order: ClassVar[int] = 3
 
     def longest_wait_s(self, frame_s: float) -> float:

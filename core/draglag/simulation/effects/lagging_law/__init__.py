@@ -10,7 +10,7 @@ import numpy as np
 from draglag.path.motion import SPEED_TIMING_S
 from draglag.recording import FloatArray
 from draglag.simulation.effects.acceleration_lag import ACCEL_UNKNOWN
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import FittedTerm, Theta
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
@@ -49,13 +49,6 @@ class LaggingLaw(Effect):
     needs: ClassVar[str] = "changing speed"
     identifiable_with: ClassVar[str] = "a chirp or step whose speed changes quickly"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -0.3, 0.3, 0.04, sound=LATEST_OF_SOUND_S),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "acceleration_lag",
-            "at a nearly constant acceleration an older speed and a lower speed are the same",
-            "runs whose speed changes quickly: chirp and steps",
-        ),
-    )
 
     def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
         t = k.motion.t_s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -46,28 +47,18 @@ def filled_losses(
     out = []
     usual_bend = _usual_at_speed([run.touch for run in runs]) if resolution_mm else {}
     for index, run in enumerate(runs):
-        t, x, y = run.touch.t_s, run.touch.x_mm, run.touch.y_mm
+        out.append(run)
+        t = run.touch.t_s
         if t.size < LEAST_EVENTS:
-            out.append(run)
             continue
         straight = _lines(run.touch, uneven_ages, resolution_mm, usual_bend.get(index), n_events)
         if straight is None:
-            out.append(run)
             continue
         total_s += float(t[-1] - t[0])
-        keep = np.ones(t.size, bool)
-        for start, end in _stretches(straight, least):
-            length_mm = np.hypot(x[end + 1] - x[start], y[end + 1] - y[start])
-            if length_mm < LEAST_STEPS * resolution_mm * (end + 1 - start):
-                continue
-            length_s.append(float(t[end + 1] - t[start]))
-            keep[start + 1 : end + 1] = False
-        if keep.all():
-            out.append(run)
-            continue
-        ids = run.touch.contact_id[keep] if run.touch.contact_id.size == keep.size else run.touch.contact_id
-        touch = TouchTrace(t[keep], x[keep], y[keep], ids, gaps_s=run.touch.gaps_s)
-        out.append(replace(run, touch=touch))
+        fills = _long_enough(_stretches(straight, least), run.touch, resolution_mm)
+        length_s += [float(t[end + 1] - t[start]) for start, end in fills]
+        if fills:
+            out[-1] = replace(run, touch=_without(run.touch, fills))
     count = len(length_s)
     if count < 4:
         return None, runs
@@ -84,6 +75,27 @@ def filled_losses(
         count / max(len(runs), 1),
     )
     return effect, tuple(out)
+
+
+def _long_enough(
+    stretches: Iterable[tuple[int, int]], touch: TouchTrace, resolution_mm: float
+) -> list[tuple[int, int]]:
+    """Stretches that cross enough whole coordinates."""
+    x, y = touch.x_mm, touch.y_mm
+    return [
+        (start, end)
+        for start, end in stretches
+        if not np.hypot(x[end + 1] - x[start], y[end + 1] - y[start]) < LEAST_STEPS * resolution_mm * (end + 1 - start)
+    ]
+
+
+def _without(touch: TouchTrace, fills: Iterable[tuple[int, int]]) -> TouchTrace:
+    """The trace without events inside of the fills."""
+    keep = np.ones(touch.t_s.size, bool)
+    for start, end in fills:
+        keep[start + 1 : end + 1] = False
+    ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
+    return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)
 
 
 def _lines(

@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.messages import message
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import Parameters
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
@@ -36,13 +36,6 @@ class LowSpeedPlateau(Effect):
     of_the_law: ClassVar[bool] = True
     form_parameter: ClassVar[str] = "plateau_mm_s"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("speed_mm_s", "mm/s", 1.0, 500.0, 125.0),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "curve form",
-            "with few slow runs another shape of the curve fits as well",
-            "circles at three or more speeds below and around the suspected plateau",
-        ),
-    )
 
     def law_speed(self, speed_mm_s: FloatArray, k: Kinematics) -> FloatArray:
         return np.maximum(speed_mm_s, self.value)

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Confounder, Effect, TouchEvents
+from draglag.simulation.effects.base import Effect, TouchEvents
 from draglag.simulation.effects.parameter import Parameter
 
 
@@ -27,28 +27,6 @@ class PollGrid(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("period_s", "s", 1e-4, 0.05, 0.008),
         Parameter("jitter_s", "s", 0.0, 1e-3, 4e-5, read_as=("µs", 1e6)),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "timestamp_quantisation",
-            "both put stamps on a grid, a coarse clock without any jitter",
-            "none: the stamps themselves show the jitter",
-        ),
-        Confounder(
-            "sample_hold",
-            "a loop at an interval of the bus, slower than the frames, leaves the same stamps and ages",
-            "a recording of the kernel's own stamps, without the loop of a program",
-        ),
-        Confounder(
-            "frame_drop",
-            "both leave places on a grid of stamps empty, a poll in a regular beat",
-            "none: the beat shows in the stamps themselves",
-        ),
-        Confounder(
-            "curve constant",
-            "the mean wait is a constant latency of half a period",
-            "taps through another bus",
-        ),
     )
     order: ClassVar[int] = 3
 

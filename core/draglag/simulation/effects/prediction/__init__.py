@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, TouchEvents, each_contact
+from draglag.simulation.effects.base import Effect, TouchEvents, each_contact
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.prediction.extrapolation import extrapolated
@@ -38,15 +38,6 @@ class Prediction(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("horizon_s", "s", 0.0, 0.1, 0.015),
         Parameter("window_s", "s", 0.005, 0.1, WINDOW_S),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder("clock_offset", "both move every edge by the same time", "taps on the same clock"),
-        Confounder("curve constant", "an earlier position is a smaller constant of the curve", "taps"),
-        Confounder(
-            "smoothing_shrink",
-            "on curves an extrapolation lies outside of the path, as if less were smoothed",
-            "circles of two radii at the same speed, and taps",
-        ),
     )
     order: ClassVar[int] = -1
 

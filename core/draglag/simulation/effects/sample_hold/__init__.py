@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, TouchEvents
+from draglag.simulation.effects.base import Effect, TouchEvents
 from draglag.simulation.effects.parameter import Parameter
 
 
@@ -26,18 +26,6 @@ class SampleHold(Effect):
     detected_by: ClassVar[str] = "draglag.simulation.effects.sample_hold.stream"
     detection_order: ClassVar[int] = 4
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_hz", "Hz", 10.0, 2000.0, 100.0),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "timestamp_quantisation",
-            "a tick grid repeats positions, a quantum does not",
-            "none: repeated positions show in the stream itself",
-        ),
-        Confounder(
-            "curve constant",
-            "the mean age of the held event is a constant latency",
-            "a recording of the kernel's own stamps",
-        ),
-    )
     order: ClassVar[int] = 5
 
     def longest_wait_s(self, frame_s: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.messages import message
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters, Theta, Undoing
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.second_filter_mode.lateness import Lateness
@@ -44,13 +44,6 @@ class SecondFilterMode(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("extra_s", "s", -0.05, 0.05, 0.006),
         Parameter("threshold_mm_s", "mm/s", 10.0, 2000.0, 300.0),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "curve form",
-            "a step in the curve between two tested speeds fits a smoother curve as well",
-            "circles at speeds close to either side of the switching speed, and a chirp",
-        ),
     )
 
     threshold_mm_s: float = 300.0

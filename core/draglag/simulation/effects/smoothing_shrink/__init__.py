@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import filtfilt
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.smoothing_shrink.sharpening import Setting, Sharpening
@@ -42,13 +42,6 @@ class SmoothingShrink(Effect):
     refitted_by: ClassVar[str] = "draglag.simulation.effects.smoothing_shrink.refits"
     looks_like: ClassVar[tuple[str, ...]] = ("direction_angle", "normal_acceleration")
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant_s", "s", 0.0, 0.1, 0.015),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "scale_error",
-            "at one speed and radius a shrunk circle is a scaled one",
-            "circles of two radii at the same speed",
-        ),
-    )
 
     def longest_wait_s(self, frame_s: float) -> float:
         return 2 * self.value

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect
+from draglag.simulation.effects.base import Effect
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
@@ -48,18 +48,6 @@ class SpatialWarp(Effect):
     needs: ClassVar[str] = "width"
     identifiable_with: ClassVar[str] = "circles that travel across the whole width show it"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("amplitude_mm", "mm", -5.0, 5.0, 0.6),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "beam_wedge",
-            "both change along the beam, one for the two sides alike and one for them apart",
-            "none, if both kinds of edge were recorded on both sides; otherwise a longer run",
-        ),
-        Confounder(
-            "beam_bow",
-            "along one line a curved beam moves every edge as a quadratic bend of the panel's coordinates does",
-            "a second beam height",
-        ),
-    )
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         u = 2 * k.motion.x_mm / k.width_mm - 1

@@ -10,7 +10,7 @@ import numpy as np
 
 from draglag.path.events import first_of_contact
 from draglag.recording import FloatArray
-from draglag.simulation.effects.base import Confounder, Effect, TouchEvents, each_contact
+from draglag.simulation.effects.base import Effect, TouchEvents, each_contact
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
@@ -63,23 +63,6 @@ class SpeedAdaptiveFilter(Effect):
             USUAL.beta_per_mm,
             title="rise of the cut-off",
             read_as=("Hz/(mm/s)", 1.0),
-        ),
-    )
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "curve form",
-            "at a constant speed its delay of 1 / (2 pi (fmin + beta v)) is a curve of latency over speed",
-            "runs whose speed changes quickly: chirp and steps",
-        ),
-        Confounder(
-            "smoothing_shrink",
-            "both cut corners; at one speed the cut-off is one",
-            "circles of the same radius at several speeds",
-        ),
-        Confounder(
-            "lagging_law",
-            "its cut-off follows a smoothed speed, which is an older one",
-            "runs whose speed changes quickly: chirp and steps",
         ),
     )
     order: ClassVar[int] = -2

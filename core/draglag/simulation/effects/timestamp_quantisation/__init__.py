@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from draglag.simulation.effects.base import Confounder, Effect, TouchEvents
+from draglag.simulation.effects.base import Effect, TouchEvents
 from draglag.simulation.effects.parameter import Parameter
 
 
@@ -22,18 +22,6 @@ class TimestampQuantisation(Effect):
     detected_by: ClassVar[str] = "draglag.simulation.effects.timestamp_quantisation.stream"
     detection_order: ClassVar[int] = 3
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("quantum_s", "s", 1e-06, 0.05, 0.004),)
-    confounded_with: ClassVar[tuple[Confounder, ...]] = (
-        Confounder(
-            "sample_hold",
-            "a tick grid repeats positions, a quantum does not",
-            "none: repeated positions show in the stream itself",
-        ),
-        Confounder(
-            "curve constant",
-            "the mean rounding is a constant latency of half a quantum",
-            "taps stamped by another clock",
-        ),
-    )
     order: ClassVar[int] = 4
 
     def longest_wait_s(self, frame_s: float) -> float:

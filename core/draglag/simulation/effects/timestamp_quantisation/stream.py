@@ -8,7 +8,7 @@ import numpy as np
 
 from draglag.gap.streams.stamps import CROWDED, FAST_MM_S, StreamEffect, Streams, counted_out
 from draglag.messages import message
-from draglag.recording import Run, TouchTrace
+from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.simulation.effects.frame_batching.stream import batches_in
 from draglag.simulation.effects.poll_grid.stream import polls_in
 from draglag.simulation.effects.timestamp_quantisation import TimestampQuantisation
@@ -31,24 +31,10 @@ def clock_in(streams: Streams) -> StreamEffect | None:
 def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
     """Coarse clock: stamps are multiples of a quantum while intervals vary."""
     intervals = np.concatenate([np.diff(t.t_s) for t in touches])
-    rounded = np.round(intervals, 7)
-    least = max(20, 5e-4 * intervals.size)
-    values, counts = np.unique(np.round(rounded / 2e-5).astype(int), return_counts=True)
-    common = values[counts > least] * 2e-5
-    common = common[common > 1e-4]
-    if common.size == 0 or np.sum(counts[counts > least]) < 0.9 * intervals.size:
-        return None
-    common = np.sort(common)
-    gaps = np.diff(common)
-    gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
     at_once = bool(np.mean(intervals < 1e-4) > CROWDED)
-    if at_once:
-        gaps = np.append(gaps, common[0])  # frames within one tick of the clock bear one stamp
-    if gaps.size == 0:
-        return None
-    quantum_s = float(np.min(gaps))
+    quantum_s = _smallest_gap_s(intervals, at_once)
     typical = float(np.mean(intervals))
-    if quantum_s < 0.08 * typical or (quantum_s > 2.5 * typical and not at_once):
+    if quantum_s is None or quantum_s < 0.08 * typical or (quantum_s > 2.5 * typical and not at_once):
         return None
     # Refined on whole multiples, then every interval must be one.
     whole = np.round(intervals / quantum_s)
@@ -73,6 +59,24 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
         share,
         undone=not missing,  # which frame a stamp is of is then not sure
     )
+
+
+def _smallest_gap_s(intervals: FloatArray, at_once: bool) -> float | None:
+    """Smallest difference between frequent intervals; None where few are frequent. ``at_once``: some frames come in
+    one tick of the clock."""
+    rounded = np.round(intervals, 7)
+    least = max(20, 5e-4 * intervals.size)
+    values, counts = np.unique(np.round(rounded / 2e-5).astype(int), return_counts=True)
+    common = values[counts > least] * 2e-5
+    common = common[common > 1e-4]
+    if common.size == 0 or np.sum(counts[counts > least]) < 0.9 * intervals.size:
+        return None
+    common = np.sort(common)
+    gaps = np.diff(common)
+    gaps = gaps[gaps > 0.02 * common[1:]]  # the bins split some
+    if at_once:
+        gaps = np.append(gaps, common[0])  # frames within one tick of the clock bear one stamp
+    return float(np.min(gaps)) if gaps.size else None
 
 
 def _reaches_further(touches: list[TouchTrace]) -> float:
