@@ -141,27 +141,16 @@ def corrected_touch(
     size = (model.provenance.screen_width_mm or 0.0, model.provenance.screen_height_mm or 0.0)
     applied: list[ModelEffect] = []
     left: dict[str, str] = {}
-    effects: list[Effect] = []
     for item in model.effects:
-        home = EFFECTS[item.id]
-        undone_in, first_s = home.undone_in, home.first_shown_s(t_s, x_mm, y_mm)
-        if undone_in in IN_THE_LAW:
-            left[item.id] = LAW_UNDOES if undone_in == OF_SPEED else "it follows the acceleration"
+        first_s = EFFECTS[item.id].first_shown_s(t_s, x_mm, y_mm)
+        why_left = _why_left(EFFECTS[item.id], size[0] > 0, first_s is not None)
+        if why_left:
+            left[item.id] = why_left
             continue
-        if undone_in == "laser" or not home.acts_on_touch():
-            left[item.id] = "it does not act on touch"
-        elif home.follows == "session_time":
-            left[item.id] = "the events do not say how long the screen had been on"
-        elif undone_in == "touch" and size[0] > 0:
-            applied.append(item)
-            effects.append(realise(item))
-        elif undone_in == "touch":
-            left[item.id] = "the model does not say how large its screen is"
-        elif first_s is not None:
-            applied.append(item)
+        applied.append(item)
+        if EFFECTS[item.id].undone_in != "touch" and first_s is not None:
             t_s = first_s
-        else:
-            left[item.id] = "it cannot be undone"
+    effects = [realise(item) for item in applied if EFFECTS[item.id].undone_in == "touch"]
     done = Correction(tuple(applied), left)
     if not effects:
         return t_s, x_mm, y_mm, done
@@ -177,6 +166,22 @@ def corrected_touch(
         np.where(good, moved.y_mm[index], np.nan),
         done,
     )
+
+
+def _why_left(home: type[Effect], sized: bool, repeats: bool) -> str:
+    """Why an effect cannot be undone in touch events; empty if it can.
+
+    sized: the size of the screen is known. repeats: the events show which of them are repeated.
+    """
+    if home.undone_in in IN_THE_LAW:
+        return LAW_UNDOES if home.undone_in == OF_SPEED else "it follows the acceleration"
+    if home.undone_in == "laser" or not home.acts_on_touch():
+        return "it does not act on touch"
+    if home.follows == "session_time":
+        return "the events do not say how long the screen had been on"
+    if home.undone_in == "touch":
+        return "" if sized else "the model does not say how large its screen is"
+    return "" if repeats else "it cannot be undone"
 
 
 def _hand(

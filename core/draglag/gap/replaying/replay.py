@@ -175,20 +175,8 @@ def replay(
     Raises EstimateError if no run can be simulated.
     """
     report_progress = progress or (lambda fraction, text: None)
-    reference = reference or fit
     effects = effects_of_fit(fit, named)
-    rig = rig_of(session, fit, effects)
-    origin_s = min(data.t_s[0] for data in fit.runs)
-    as_measured = {run.id: run for run in session.runs}
-    simulated_runs = []
-    for k, data in enumerate(before_events(fit.runs)):
-        report_progress(0.8 * k / len(fit.runs), f"simulating {data.run.id}")
-        own = np.interp(data.edge_t_s, *_sorted(fit, k))
-        motion, start_s = hand_motion(rig, data, own, effects, origin_s)
-        reported_s = _reported_s(as_measured.get(data.run.id, data.run), data, effects)
-        simulated_runs.append(_simulated(rig, data, reported_s, motion, start_s, effects, origin_s, k))
-    name = f"{session.name}, simulated with the measured hand"
-    again = replace(session, name=name, runs=tuple(simulated_runs), beam=rig.beam, taps=None)
+    again = _simulated_session(session, fit, effects, report_progress)
     if not any(run.laser.t_s.size for run in again.runs):
         raise EstimateError(
             message("{session}: the simulated hand never crosses the beam", session=session.name),
@@ -216,10 +204,25 @@ def replay(
         _simulated_edges_s(fit, again, measured_s, falling),
         falling,
         fit.placed.v_mm_s[fit.use, 1],
-        reference,
+        reference or fit,
         again_runs,
         fit.white.components.run_s,
     )
+
+
+def _simulated_session(session: Session, fit: Fit, effects: tuple[Effect, ...], report_progress: Progress) -> Session:
+    rig = rig_of(session, fit, effects)
+    origin_s = min(data.t_s[0] for data in fit.runs)
+    as_measured = {run.id: run for run in session.runs}
+    runs = []
+    for k, data in enumerate(before_events(fit.runs)):
+        report_progress(0.8 * k / len(fit.runs), f"simulating {data.run.id}")
+        own = np.interp(data.edge_t_s, *_sorted(fit, k))
+        motion, start_s = hand_motion(rig, data, own, effects, origin_s)
+        reported_s = _reported_s(as_measured.get(data.run.id, data.run), data, effects)
+        runs.append(_simulated(rig, data, reported_s, motion, start_s, effects, origin_s, k))
+    name = f"{session.name}, simulated with the measured hand"
+    return replace(session, name=name, runs=tuple(runs), beam=rig.beam, taps=None)
 
 
 @one_blas_thread

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from draglag.gap.traces.dewarped import DewarpedKinematics
@@ -108,8 +109,7 @@ def place(
     # For the columns: with the fit's own, position noise would look like an effect.
     _, change, turn, sudden = traces.changes.at(at_s, np.zeros(at_s.size), traces.edges).T
     apart = ratio**2 * change
-    ok = (there[:, 7] > 0) & (made[:, 7] > 0) & in_contact(traces.t_s, at_s, traces.losses_s) & (there[:, 8] < 1.5)
-    ok &= np.abs(at_s - made[:, 0]) < NEAR_S
+    ok = _known_at(traces, at_s, there, made)
     ok &= (sudden == 0) & (np.abs(v_mm_s[:, 1]) > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
     run, t_s = traces.run, edge_s - traces.shift_s[traces.run]
     first_s, last_s = np.array([data.t_s[[0, -1]] for data in runs]).reshape(-1, 2).T
@@ -145,6 +145,13 @@ def place(
         traces=traces,
         trace=DewarpedKinematics(runs, run, t_s + latency),
     )
+
+
+def _known_at(traces: Traces, at_s: FloatArray, there: FloatArray, made: FloatArray) -> NDArray[np.bool_]:
+    """(edges,) whether position and speed rest on events near that time, without a loss of contact."""
+    ok: NDArray[np.bool_] = (there[:, 7] > 0) & (made[:, 7] > 0) & (there[:, 8] < 1.5)
+    ok &= in_contact(traces.t_s, at_s, traces.losses_s) & (np.abs(at_s - made[:, 0]) < NEAR_S)
+    return ok
 
 
 def _found(
