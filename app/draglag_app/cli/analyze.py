@@ -301,7 +301,8 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
     blocks += _listed("Checks", _verification(result["verification"]))
     if result["validation"]:
         blocks.append(_validation(result["validation"]))
-    excluded = [f"{run}: {why}" for run, why in analysis.excluded.items()]
+    again = {run: f"; repeated as {by}" for run, by in analysis.repeated.items()}
+    excluded = [f"{run}: {why}{again.get(run, '')}" for run, why in analysis.excluded.items()]
     blocks += _listed("Not in the curve (--include RUN includes a run)", excluded)
     blocks += _listed("Warnings", analysis.warnings)
     return blocks + _listed("Not done", analysis.problems)

@@ -15,6 +15,7 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication, QWidget
 
 from draglag.gap import close_gap
+from draglag.recording import empty_laser
 from draglag.shown import matched
 from draglag.store import read_analyses, read_session, write_session
 from draglag_app.cli.main import cli
@@ -150,6 +151,22 @@ def test_a_run_included_by_hand_is_judged_again_in_another_session(
     opened.open_file(second)
     until(lambda: space.path == second and idle(opened)())
     assert space.analysis.excluded == {run: "aborted"}
+
+
+def test_a_run_that_failed_and_came_again_is_repeated_in_the_table_and_no_warning(
+    opened: OperatorWindow, session_file: Path, tmp_path: Path, until: Callable
+) -> None:
+    session, space, table = read_session(session_file), opened.space, opened.pages["results"][1].table
+    first = session.runs[0]
+    blind, again = replace(first, laser=empty_laser(), outcome="aborted"), replace(first, id=f"{first.id}-2")
+    path = write_session(replace(session, runs=(blind, *session.runs[1:], again)), tmp_path / "again.h5")
+    opened.open_file(path)
+    until(lambda: space.path == path and idle(opened)())
+    said = {table.item(row, 0).text(): table.item(row, 5) for row in range(table.rowCount())}
+    assert said[blind.id].text() == f"repeated as {again.id}"
+    assert "aborted" in said[blind.id].toolTip()
+    assert said[again.id].text() == "✓ good"
+    assert blind.id not in opened.pages["results"][1].summary.text()
 
 
 def test_kept_results_say_which_runs_were_chosen_by_hand(opened: OperatorWindow, until: Callable) -> None:

@@ -198,6 +198,8 @@ class ResultsPage(QWidget):
             return
         self._alternatives = []
         self.table.show_estimates(analysis.runs, analysis.options.exclude)
+        by_hand = analysis.options.exclude
+        self.table.show_repeated({run: by for run, by in analysis.repeated.items() if run not in by_hand})
         self.table.show_comments(self._space.comments)
         self._draw_curve()
         self.taps.show_taps(analysis.taps)
