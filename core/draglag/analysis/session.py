@@ -50,6 +50,7 @@ class AnalysisOptions:
     tie_asymptote: bool = False
     exclude: Mapping[str, str] = field(default_factory=dict)
     include: frozenset[str] = frozenset()
+    stylus_mm: float | None = None
 
     def kept(self, model: str = "") -> dict[str, Any]:
         """JSON as stored with a result; ``model``: file of the correction."""
@@ -61,6 +62,7 @@ class AnalysisOptions:
             "window_s": list(self.window_s),
             "exclude": dict(self.exclude),
             "include": sorted(self.include),
+            "stylus_mm": self.stylus_mm,
             "model": model,
         }
 
@@ -156,9 +158,12 @@ def has_constant_speed(run: Run) -> bool:
 
 @one_blas_thread
 def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
-    """All estimates of a session. Raises EstimateError for an unknown estimator or curve form."""
+    """All estimates of a session. Raises EstimateError for an unknown estimator or curve form, or a width of no
+    stylus.
+    """
     options = options or AnalysisOptions()
     estimator_of(options.estimator)
+    session = with_stylus(session, options.stylus_mm)
     on_progress = progress or (lambda fraction, text: None)
     steady = [run for run in session.runs if has_constant_speed(run)]
     estimates = []
@@ -208,6 +213,17 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
         repeated=repeated,
         source=source_of(session),
     )
+
+
+def with_stylus(session: Session, diameter_mm: float | None) -> Session:
+    """The session with that diameter of its stylus; None: as recorded. Raises EstimateError for one of no stylus."""
+    if diameter_mm is None:
+        return session
+    if not 0 < diameter_mm < np.inf:
+        raise EstimateError(
+            message("a stylus cannot be {diameter_mm:g} mm wide", diameter_mm=diameter_mm), "Measure its diameter"
+        )
+    return replace(session, stylus=replace(session.stylus, diameter_mm=diameter_mm))
 
 
 def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]]:
