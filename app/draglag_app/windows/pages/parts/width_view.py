@@ -66,7 +66,7 @@ class WidthView(Scrolled):
             "the width is fitted in every run. It decides on the check against the ruler, on which changes of the "
             "light are bounces, on which runs lie too far off their lines, and on the gap."
         )
-        self.diameter.setToolTip("\n".join(filter(None, (recorded, tip))))  # large letters leave no room beside it
+        self.diameter.setToolTip("\n".join(filter(None, (recorded, tip))))  # large letters leave no room next to it
 
     def _edited(self) -> None:
         recorded, entered_mm = self._space.session, self.diameter.value()
