@@ -50,7 +50,7 @@ table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35re
 
 LEAST_SHOWN = 0.005
 """Least joint probability of all other explanations that gets a row; less would print as 0.00."""
-_UNBROKEN = re.compile(r"\bp (?:=|&lt;) [\d.e-]*\d|[\d.]*\d (?:%|(?:mm/s|mm|ms|ppm|Hz|s)\b)")
+_WHOLE = re.compile(r"\bp (?:=|&lt;) [\d.e-]*\d|[\d.]*\d (?:%|(?:mm/s|mm|ms|ppm|Hz|s)\b)")
 
 
 def write_gap_report(
@@ -76,19 +76,20 @@ def write_gap_report(
     body += _said(session, report)
     body.append(_table(report))
     if provisional is not None:
-        body.append(f"<p>{_words(provisional.words())}</p>")
+        body.append(f"<p>{escape(provisional.words())}</p>")
     for words in (tolerated_in_words(report), noise_in_words(report)):
-        body += [f"<p>{_words(words)}</p>"] if words else []
+        body += [f"<p>{escape(words)}</p>"] if words else []
     body.append(_explanations(report))
     body.append(_check_table(report))
     body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
+    body = list(map(_unbroken, body))
     with house_style():
         figures = _figures(again, report, provisional)
     for figure, caption in figures:
-        body.append(f"<figure>{_svg(figure, source)}<figcaption>{_words(caption)}</figcaption></figure>")
+        body.append(f"<figure>{_svg(figure, source)}<figcaption>{_unbroken(escape(caption))}</figcaption></figure>")
     if report.not_seen:
-        items = "".join(f"<li><b>{escape(title_of(k))}</b>: {_words(v)}</li>" for k, v in report.not_seen.items())
-        body.append(f"<h2>What this session could not have shown</h2><ul>{items}</ul>")
+        items = "".join(f"<li><b>{escape(title_of(k))}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
+        body.append(f"<h2>What this session could not have shown</h2><ul>{_unbroken(items)}</ul>")
     title = f"{'SIMULATED – ' if source.simulated else ''}draglag gap report"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -102,9 +103,9 @@ def write_gap_report(
     return path
 
 
-def _words(text: str) -> str:
-    """HTML of a text, in which numbers stay in one line with their units, and p-values whole."""
-    return _UNBROKEN.sub(r'<span class="number">\g<0></span>', escape(text))
+def _unbroken(html: str) -> str:
+    """The same HTML; a number stays in one line with its unit, and a p-value."""
+    return _WHOLE.sub(r'<span class="number">\g<0></span>', html)
 
 
 def _check_table(report: GapReport) -> str:
@@ -115,26 +116,25 @@ def _check_table(report: GapReport) -> str:
         f"<td>{'✓ agrees' if one.agrees else '▲ disagrees'}</td></tr>"
         for one in report.check
     )
-    words = f"<p>{_words(found)}</p>" if (found := check_in_words(report)) else ""
+    words = f"<p>{escape(found)}</p>" if (found := check_in_words(report)) else ""
     head = "<tr><th>statistic</th><th>measured</th><th>simulated</th><th></th></tr>"
     return f"<h2>Simulated again with the final model</h2><table>{head}{rows}</table>{words}"
 
 
 def _said(session: Session, report: GapReport) -> list[str]:
     assert report.last is not None
-    body = [f'<p class="verdict">{_words(verdict_in_words(report))}</p>']
-    body += [f"<p>{_words(words)}</p>" for words in (law_in_words(report.law), also_in_words(report)) if words]
+    body = [f'<p class="verdict">{escape(verdict_in_words(report))}</p>']
+    body += [f"<p>{escape(words)}</p>" for words in (law_in_words(report.law), also_in_words(report)) if words]
     ms = ms_per_mm(report.last)
     first_mm, last_mm = report.gap_first_mm or 0.0, report.gap_last_mm or 0.0
     floor_mm = report.noise_floor_mm or 0.0
-    said = (
-        f"Held-out gap {first_mm:.3f} → {last_mm:.3f} mm ({ms * first_mm:.2f} → {ms * last_mm:.2f} ms); noise floor "
+    body.append(
+        f"<p>Held-out gap {first_mm:.3f} → {last_mm:.3f} mm ({ms * first_mm:.2f} → {ms * last_mm:.2f} ms); noise floor "
         f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms; {FLOOR_REACHES}); {report.last.residual_mm.size} edges of "
-        f"{np.unique(report.last.run_index).size} runs{_left_out(report)}. {unjudged(session, report)}"
+        f"{np.unique(report.last.run_index).size} runs{_left_out(report)}. {escape(unjudged(session, report))}</p>"
     )
-    body.append(f"<p>{_words(said)}</p>")
     if drift := drift_in_analysis(session, report):
-        body.append(f"<p>{_words(drift)}</p>")
+        body.append(f"<p>{escape(drift)}</p>")
     return body
 
 
@@ -177,15 +177,15 @@ def _table(report: GapReport) -> str:
         return "<p>No effect was added.</p>"
     rows = []
     for step in report.steps:
-        sizes = "<br>".join(map(_words, sizes_of(step)))
+        sizes = "<br>".join(map(escape, sizes_of(step)))
         alike = "".join(f"<br><small>or {escape(title_of(also))}</small>" for also in step.indistinguishable_from)
-        small = "".join(f"<br><small>{_words(words)}</small>" for words in _small_print(step) if words)
+        small = "".join(f"<br><small>{escape(words)}</small>" for words in _small_print(step) if words)
         rows.append(
             f"<tr><td><b>{escape(title_of(step.effect))}</b>{alike}</td><td>{escape(stated(step.probability))}</td>"
-            f"<td>{_words(step.where)}{small}</td><td>{sizes}</td>"
+            f"<td>{escape(step.where)}{small}</td><td>{sizes}</td>"
             f'<td class="number">{step.gap_before_mm:.3f} → {step.gap_after_mm:.3f}</td></tr>'
         )
-    head = "<tr><th>effect</th><th>probability</th><th>where</th><th>size (95&nbsp;%)</th><th>gap, mm</th></tr>"
+    head = "<tr><th>effect</th><th>probability</th><th>where</th><th>size (95 %)</th><th>gap, mm</th></tr>"
     return f"<table>{head}{''.join(rows)}</table>"
 
 
@@ -282,7 +282,7 @@ def _replay_table(again: tuple[Replay, ...], report: GapReport) -> str:
         )
     head = (
         "<tr><th>simulated again with</th><th>edges off by, mm RMS</th><th>ms RMS (95&nbsp;%)</th>"
-        "<th>runs whose latency agrees within the 95&nbsp;% interval of the difference</th></tr>"
+        "<th>runs whose latency agrees within the 95 % interval of the difference</th></tr>"
     )
     return (
         f"<h2>Simulated against measured</h2><table>{head}{''.join(rows)}</table>"
