@@ -65,6 +65,7 @@ def analyze(
     tie_asymptote: bool = False,
     exclude: Mapping[str, str] | None = None,
     include: Collection[str] = (),
+    stylus_mm: float | None = None,
 ) -> Analysis:
     """Latency of every run with its interval, the curve of latency against speed, taps and validation.
 
@@ -74,6 +75,7 @@ def analyze(
         window_s: latencies searched.
         form: "best" or a name of ``draglag.curve.FORMS``. tie_asymptote: hold a7 at the median release tap.
         exclude: run id → reason. include: ids of runs to keep although they went wrong, or "all".
+        stylus_mm: diameter of the stylus, where the session was recorded with a wrong one.
 
     Runs without a latency carry flags. Raises EstimateError for an unknown name.
 
@@ -90,7 +92,7 @@ def analyze(
     'drag speed, mm/s'
     """
     options = AnalysisOptions(
-        estimator, update_rate_hz, window_s, form, tie_asymptote, dict(exclude or {}), frozenset(include)
+        estimator, update_rate_hz, window_s, form, tie_asymptote, dict(exclude or {}), frozenset(include), stylus_mm
     )
     return analyze_session(session, options)
 

@@ -250,6 +250,14 @@ def test_analyze_prints_one_json_object_of_the_agreed_shape(session_file: Path) 
     assert math.sqrt(sum(e * e for e in errors) / len(errors)) < 1.3
 
 
+def test_analyze_takes_another_diameter_of_the_stylus_and_says_so_in_the_report(tmp_path: Path) -> None:
+    result = run("analyze", SAMPLES / "none-A", "--stylus-mm", 9, "--report", tmp_path, "--json")
+    found = json.loads(result.stdout)
+    assert found["verification"]["stylus_width"]["known_mm"] == 9
+    assert any("by ruler 9 mm" in text for text in found["warnings"])
+    assert "9.00 mm, corrected: recorded as 7.00 mm" in (tmp_path / "report.html").read_text("utf-8")
+
+
 def test_a_run_that_cannot_be_estimated_is_null_in_the_json_and_named_for_people(tmp_path: Path) -> None:
     shutil.copytree(SAMPLES / "none-A", tmp_path / "in")
     (tmp_path / "in" / "run-03.laser.csv.gz").unlink()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from draglag.analysis import Analysis, AnalysisOptions
+from draglag.analysis import Analysis, AnalysisOptions, with_stylus
 from draglag.analysis import analyze as analyze_session
 from draglag.analysis.tables import RUN_COLUMNS
 from draglag.curve import FORMS
@@ -94,6 +95,9 @@ def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> 
     help="Include a run that is excluded for how it went (aborted, …); may be repeated; all: every run.",
 )
 @click.option("--exclude", multiple=True, metavar="RUN[=WHY]", help="Exclude a run from the curve; may be repeated.")
+@click.option("--stylus-mm", type=FiniteRange(0, 100, min_open=True), metavar="MM",
+              help="Diameter of the stylus, where another was recorded: latencies hardly depend on it, the check of "
+                   "its width and what counts as a bounce of the laser do.")  # fmt: skip
 @click.option("--save-model", type=click.Path(path_type=Path), metavar="FILE.json", help="Write the curve as a model.")
 @click.option(
     "--model",
@@ -119,6 +123,7 @@ def analyze(
     window_ms: tuple[float, float] | None,
     include: tuple[str, ...],
     exclude: tuple[str, ...],
+    stylus_mm: float | None,
     save_model: Path | None,
     model_path: Path | None,
     save: bool | None,
@@ -145,21 +150,37 @@ def analyze(
     """
     if window_ms and not window_ms[0] < window_ms[1]:
         raise click.UsageError("--window-ms runs from a smaller to a larger latency.")
+    excluded = {name: why or "excluded by hand" for name, _, why in (text.partition("=") for text in exclude)}
+    window_s = (1e-3 * window_ms[0], 1e-3 * window_ms[1]) if window_ms else WINDOW_S
+    options = AnalysisOptions(
+        estimator, update_rate_hz, window_s, form, tie_asymptote, excluded, frozenset(include), stylus_mm
+    )
     if not is_one(sessions):
         only_one({"--exclude": exclude, "--save-model": save_model, "--model": model_path, "--report": report})
-        options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, {}, include)
         _many(
             sessions, options, save,
             runs_out=runs_out, jobs=jobs, scheduler=scheduler, out=out, summary=summary_path, as_json=as_json,
         )  # fmt: skip
         return
     only_many({"--runs": runs_out, "--out": out, "--summary": summary_path, "--scheduler": scheduler})
-    session = sessions[0]
+    _one(
+        sessions[0], options, save, save_model=save_model, model_path=model_path, report=report, as_json=as_json
+    )  # fmt: skip
+
+
+def _one(
+    session: Path,
+    options: AnalysisOptions,
+    save: bool | None,
+    *,
+    save_model: Path | None,
+    model_path: Path | None,
+    report: Path | None,
+    as_json: bool,
+) -> None:
     _refuse_early(session, bool(save), report, save_model)
-    data, correction = _corrected(load_session(session), model_path)
-    excluded = {name: why or "excluded by hand" for name, _, why in (text.partition("=") for text in exclude)}
-    refuse_unknown_runs(session, data, {*excluded, *include})
-    options = _options(estimator, update_rate_hz, form, tie_asymptote, window_ms, excluded, include)
+    data, correction = _corrected(load_session(session), model_path, options.stylus_mm)
+    refuse_unknown_runs(session, data, {*options.exclude, *options.include})
     with progress("Analysing") as done:
         analysis = analyze_session(data, options, done)
     result = analysis.to_dict()
@@ -199,7 +220,7 @@ def _refuse_early(session: Path, save: bool, report: Path | None, save_model: Pa
         refuse_existing(save_model)
 
 
-def _corrected(data: Session, model_path: Path | None) -> tuple[Session, Correction | None]:
+def _corrected(data: Session, model_path: Path | None, stylus_mm: float | None) -> tuple[Session, Correction | None]:
     if model_path is None:
         return data, None
     from draglag.gap.correction import corrected
@@ -207,7 +228,8 @@ def _corrected(data: Session, model_path: Path | None) -> tuple[Session, Correct
 
     model = load_model(model_path)
     warn(other_screen(model, data.screen.name), left_unexplained(model))
-    return corrected(data, model)
+    without, correction = corrected(with_stylus(data, stylus_mm), model)
+    return replace(without, stylus=data.stylus), correction  # the report says both diameters
 
 
 def _write(session: Path, data: Session, analysis: Analysis, save_model: Path | None, report: Path | None) -> None:
@@ -228,26 +250,6 @@ def _refuse_without_latency(session: Path, analysis: Analysis) -> None:
             ),
             "Check that the laser sees the stylus cross the beam, and record again",
         )
-
-
-def _options(
-    estimator: str,
-    update_rate_hz: float | None,
-    form: str,
-    tie_asymptote: bool,
-    window_ms: tuple[float, float] | None,
-    excluded: dict[str, str],
-    include: tuple[str, ...],
-) -> AnalysisOptions:
-    return AnalysisOptions(
-        estimator=estimator,
-        update_rate_hz=update_rate_hz,
-        window_s=(1e-3 * window_ms[0], 1e-3 * window_ms[1]) if window_ms else WINDOW_S,
-        form=form,
-        tie_asymptote=tie_asymptote,
-        exclude=excluded,
-        include=frozenset(include),
-    )
 
 
 _SHOWN = (
@@ -307,7 +309,8 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
     blocks += _listed("Checks", _verification(result["verification"]))
     if result["validation"]:
         blocks.append(_validation(result["validation"]))
-    excluded = [f"{run}: {why}" for run, why in analysis.excluded.items()]
+    again = {run: f"; repeated as {by}" for run, by in analysis.repeated.items()}
+    excluded = [f"{run}: {why}{again.get(run, '')}" for run, why in analysis.excluded.items()]
     blocks += _listed("Not in the curve (--include RUN includes a run)", excluded)
     blocks += _listed("Warnings", analysis.warnings)
     return blocks + _listed("Not done", analysis.problems)

@@ -14,6 +14,7 @@ from draglag.store import SessionWriter
 from draglag_app.session import events
 from draglag_app.session.conductor import RUN_ROLES, TAP_ROLES, Conductor
 from draglag_app.session.control import Control
+from draglag_app.session.details import session_name
 from draglag_app.session.display import Display
 from draglag_app.session.options import SessionOptions
 from draglag_app.session.place import close, elsewhere
@@ -110,7 +111,7 @@ def _header(protocol: Protocol, rig: Rig, options: SessionOptions, infos: dict[s
     now_s = rig.stage.time_base.now()
     notes = (LogEntry(now_s, "note", "operator", options.note),) if options.note else ()
     return Session(
-        name=options.name or f"{protocol.name} on {options.screen.name}",
+        name=options.name or str(session_name(protocol.name, options.screen.name)),
         screen=options.screen,
         stylus=options.stylus,
         runs=(),

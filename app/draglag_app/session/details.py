@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from draglag.errors import DataError
-from draglag.messages import message
+from draglag.messages import Message, message
 
 STANDARD = ("participant", "session", "operator")
 TEMPLATE = "{date}_{time}_{protocol}-{screen}"
@@ -60,6 +60,11 @@ def check_template(template: str, fields: Iterable[str] = ()) -> str:
     if not places and not template.strip():
         raise DataError("the file name is empty", message("The usual one is {template}", template=TEMPLATE))
     return template
+
+
+def session_name(protocol: str, screen: str) -> Message:
+    """What a session is called that nobody named."""
+    return message("{protocol} on {screen}", protocol=protocol, screen=screen)
 
 
 def file_name(

@@ -13,11 +13,12 @@ from draglag.errors import DraglagError
 from draglag.protocol.runs import Protocol
 from draglag.recording import Screen, TouchCalibration
 from draglag_app.session import SessionOptions
-from draglag_app.session.details import file_name
+from draglag_app.session.details import file_name, session_name
 from draglag_app.windows.participant.placement import axes_problem, shape_problem
 from draglag_app.windows.participant.screen_display import numbered_screen
 from draglag_app.windows.recording.session_thread import Order
 from draglag_app.windows.settings import Settings
+from draglag_app.windows.wording.library_words import in_words
 from draglag_app.windows.workspace import Workspace
 from draglag_devices.calibration import as_mapping
 from draglag_devices.rig import Rig, give_calibration, make_rig
@@ -113,7 +114,9 @@ def make_order(space: Workspace) -> Order:
         screen, stylus, beam = world.rig.screen, world.rig.stylus, world.rig.beam
     calibration = _calibrate(rig, settings, screen)
     options = SessionOptions(screen, stylus, beam, calibration=calibration)
-    options = replace(options, details=settings.details())
+    # From here on the name is data: it stays in the language that it was given in.
+    name = in_words(session_name(protocol.name, screen.name))
+    options = replace(options, details=settings.details(), name=name)
     return Order(
         with_source(protocol), rig, session_path(settings, protocol.name, screen.name),
         options, settings.rig.display, auto=not settings.begin_by_hand,

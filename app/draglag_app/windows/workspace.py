@@ -11,7 +11,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QUndoCommand, QUndoStack
 
-from draglag.analysis import Analysis, AnalysisOptions, analyze
+from draglag.analysis import Analysis, AnalysisOptions, analyze, with_stylus
 from draglag.errors import DraglagError
 from draglag.protocol.runs import Protocol, load_protocol
 from draglag.provenance import is_simulated
@@ -131,7 +131,7 @@ class Workspace(QObject):
         """Open and analyse a session; ``comments``: by run."""
         self.session, self.path, self.analysis = session, path, None
         self.comments = dict(comments or {})
-        self.options = replace(self.options, exclude={}, include=frozenset())  # runs of the session before
+        self.options = replace(self.options, exclude={}, include=frozenset(), stylus_mm=None)  # of the session before
         self.undo.clear()
         self.session_changed.emit()
         self.analyse()
@@ -161,6 +161,24 @@ class Workspace(QObject):
         left_out = {key: why for key, why in before.exclude.items() if key != run_id}
         after = replace(before, exclude=left_out, include=before.include | {run_id})
         self._change_runs(self.tr("include {run}").format(run=run_id), before, after)
+
+    @property
+    def corrected(self) -> Session | None:
+        """The session with the diameter of its stylus as corrected."""
+        return None if self.session is None else with_stylus(self.session, self.options.stylus_mm)
+
+    def correct_stylus(self, diameter_mm: float) -> None:
+        """Analyse with that diameter of the stylus; undoable."""
+        if self.session is None:
+            return
+        before, recorded_mm = self.options.stylus_mm, self.session.stylus.diameter_mm
+        after = None if diameter_mm == recorded_mm else diameter_mm
+
+        def to(stylus_mm: float | None) -> None:
+            self.set_options(replace(self.options, stylus_mm=stylus_mm))
+
+        if after != before:
+            self.undo.push(Edit(self.tr("diameter of the stylus"), lambda: to(after), lambda: to(before)))
 
     def comment(self, run_id: str, text: str) -> None:
         """Comment on a run; empty removes it; undoable."""

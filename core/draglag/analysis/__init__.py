@@ -7,6 +7,15 @@ from draglag.analysis.session import (
     curve_points,
     has_constant_speed,
     mean_by_protocol,
+    with_stylus,
 )
 
-__all__ = ["Analysis", "AnalysisOptions", "analyze", "curve_points", "has_constant_speed", "mean_by_protocol"]
+__all__ = [
+    "Analysis",
+    "AnalysisOptions",
+    "analyze",
+    "curve_points",
+    "has_constant_speed",
+    "mean_by_protocol",
+    "with_stylus",
+]

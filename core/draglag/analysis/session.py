@@ -14,7 +14,7 @@ from draglag.instruments.clocks import remapped
 from draglag.instruments.taps import TapSummary, summarise_taps
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
-from draglag.latency.conduct import gives_point, why_excluded, with_conduct
+from draglag.latency.conduct import gives_point, recorded_again, why_excluded, with_conduct
 from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
 from draglag.latency.estimators import estimator_of
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
@@ -50,6 +50,7 @@ class AnalysisOptions:
     tie_asymptote: bool = False
     exclude: Mapping[str, str] = field(default_factory=dict)
     include: frozenset[str] = frozenset()
+    stylus_mm: float | None = None
 
     def kept(self, model: str = "") -> dict[str, Any]:
         """JSON as stored with a result; ``model``: file of the correction."""
@@ -61,6 +62,7 @@ class AnalysisOptions:
             "window_s": list(self.window_s),
             "exclude": dict(self.exclude),
             "include": sorted(self.include),
+            "stylus_mm": self.stylus_mm,
             "model": model,
         }
 
@@ -69,7 +71,8 @@ class AnalysisOptions:
 class Analysis:
     """All estimates of one session.
 
-    ``curve``: None with too few speeds. ``excluded``: run id → why not in the curve. ``problems``: what failed.
+    ``curve``: None with too few speeds. ``excluded``: run id → why not in the curve. ``repeated``: run id → the run
+    recorded in its place. ``problems``: what failed.
     """
 
     session: str
@@ -84,6 +87,7 @@ class Analysis:
     clocks: tuple[ClockDrift, ...] = ()
     warnings: tuple[str, ...] = ()
     excluded: Mapping[str, str] = field(default_factory=dict)
+    repeated: Mapping[str, str] = field(default_factory=dict)
     source: Source | None = None
 
     def in_curve(self, run: RunEstimate) -> bool:
@@ -108,6 +112,7 @@ class Analysis:
                 "clocks": [drift.to_dict() for drift in self.clocks],
             },
             "excluded": dict(self.excluded),
+            "repeated": dict(self.repeated),
             "problems": list(self.problems),
             "warnings": list(self.warnings),
         }
@@ -153,9 +158,12 @@ def has_constant_speed(run: Run) -> bool:
 
 @one_blas_thread
 def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
-    """All estimates of a session. Raises EstimateError for an unknown estimator or curve form."""
+    """All estimates of a session. Raises EstimateError for an unknown estimator or curve form, or a width of no
+    stylus.
+    """
     options = options or AnalysisOptions()
     estimator_of(options.estimator)
+    session = with_stylus(session, options.stylus_mm)
     on_progress = progress or (lambda fraction, text: None)
     steady = [run for run in session.runs if has_constant_speed(run)]
     estimates = []
@@ -170,20 +178,23 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
             options.window_s,
         )
         estimates.append(with_conduct(with_systematics(found, correct=options.estimator != "paper"), run))
+    badly_run = why_excluded(session.runs, estimates, options.include)
+    excluded = {**badly_run, **options.exclude}
+    repeated = recorded_again(session.runs, estimates, badly_run)
+    standing = [e for e in estimates if e.id not in repeated]
     problems: list[str] = [
         message("{run}: no latency ({flags})", run=e.id, flags=", ".join(e.flags))
-        for e in estimates
+        for e in standing
         if e.latency_s is None
     ]
     tap_bound_s = tap_uncertainty_s(session.taps, session.clocks)
     taps = summarise_taps(session.taps, tap_bound_s)
-    excluded = _excluded(session, estimates, options)
     curve, trouble = _curve([e for e in estimates if e.id not in excluded], taps, options)
     problems += trouble
     validation, trouble = _validate(session, curve, options, excluded, on_progress)
     problems += trouble
     width = width_check(estimates, session.stylus.diameter_mm)
-    warnings = [*warnings_of(session, estimates, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
+    warnings = [*warnings_of(session, standing, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
     warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
     on_progress(1.0, "done")
     return Analysis(
@@ -199,8 +210,20 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
         clocks=tuple(clock_drifts(session)),
         warnings=tuple(warnings),
         excluded=excluded,
+        repeated=repeated,
         source=source_of(session),
     )
+
+
+def with_stylus(session: Session, diameter_mm: float | None) -> Session:
+    """The session with that diameter of its stylus; None: as recorded. Raises EstimateError for one of no stylus."""
+    if diameter_mm is None:
+        return session
+    if not 0 < diameter_mm < np.inf:
+        raise EstimateError(
+            message("a stylus cannot be {diameter_mm:g} mm wide", diameter_mm=diameter_mm), "Measure its diameter"
+        )
+    return replace(session, stylus=replace(session.stylus, diameter_mm=diameter_mm))
 
 
 def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]]:
@@ -218,10 +241,6 @@ def mean_by_protocol(validation: Sequence[Validation]) -> list[dict[str, object]
             }
         )
     return out
-
-
-def _excluded(session: Session, estimates: Sequence[RunEstimate], options: AnalysisOptions) -> dict[str, str]:
-    return {**why_excluded(session.runs, estimates, options.include), **options.exclude}
 
 
 def curve_points(estimates: Sequence[RunEstimate]) -> CurvePoints:

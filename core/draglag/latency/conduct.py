@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -75,6 +75,25 @@ def why_excluded(
         for flag in _outcome(run):
             found.setdefault(run.id, flag.replace("_", " "))
     return {run_id: why for run_id, why in found.items() if why and run_id not in include}
+
+
+def recorded_again(runs: Sequence[Run], estimates: Iterable[RunEstimate], excluded: Collection[str]) -> dict[str, str]:
+    """Run → the first repeat that gave what it did not: a run without a latency, or in ``excluded``.
+
+    ``run-03-2`` and ``run-03-3`` repeat ``run-03``.
+    """
+    lost = {*excluded, *(estimate.id for estimate in estimates if estimate.latency_s is None)}
+    ids = {run.id for run in runs}
+    found: dict[str, str] = {}
+    waiting: dict[str, list[str]] = {}
+    for run in runs:
+        head, _, attempt = run.id.rpartition("-")
+        planned = head if head in ids and attempt.isdecimal() else run.id
+        if run.id in lost:
+            waiting.setdefault(planned, []).append(run.id)
+        else:
+            found |= dict.fromkeys(waiting.pop(planned, ()), run.id)
+    return found
 
 
 def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session, dict[str, str]]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from draglag.analysis import Analysis
+from draglag.analysis import Analysis, with_stylus
 from draglag.drawing import style
 from draglag.drawing.results import TAP_STYLE, draw_latency
 from draglag.latency.estimate import Alignment
@@ -69,16 +69,16 @@ def width_figure(analysis: Analysis, session: Session) -> Any:
     speed = np.array([run.speed_mm_s for run in runs], float)
     width = np.array([run.stylus_diameter_mm for run in runs], float)
     se = np.array([run.stylus_diameter_se_mm or 0.0 for run in runs], float)
-    axes.axhline(session.stylus.diameter_mm, color=style.BLACK, linestyle="--", label="true width")
+    true_mm = with_stylus(session, analysis.options.stylus_mm).stylus.diameter_mm
+    axes.axhline(true_mm, color=style.BLACK, linestyle="--", label="true width")
     bars = {"yerr": 1.96 * se} if se.any() else {}
     label = "estimated, 95 % interval" if bars else "estimated"
     axes.errorbar(speed, width, fmt="D", color=style.BLUE, capsize=2.5, elinewidth=1.1, label=label, **bars)
     axes.set(xlabel="drag speed, mm/s", ylabel="stylus width, mm")
     axes.set_xlim(left=0)
     low, high = axes.get_ylim()
-    middle = session.stylus.diameter_mm
-    reach = max(1.0, high - middle, middle - low)
-    axes.set_ylim(middle - reach, middle + reach)
+    reach = max(1.0, high - true_mm, true_mm - low)
+    axes.set_ylim(true_mm - reach, true_mm + reach)
     axes.legend(loc="lower right", ncols=2)
     return figure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
@@ -49,6 +50,7 @@ table{{border-collapse:collapse;width:100%}}th,td{{text-align:left;padding:.35re
 
 LEAST_SHOWN = 0.005
 """Least joint probability of all other explanations that gets a row; less would print as 0.00."""
+_WHOLE = re.compile(r"\bp (?:=|&lt;) [\d.e-]*\d|[\d.]*\d (?:%|(?:mm/s|mm|ms|ppm|Hz|s)\b)")
 
 
 def write_gap_report(
@@ -80,13 +82,14 @@ def write_gap_report(
     body.append(_explanations(report))
     body.append(_check_table(report))
     body.append(_replay_table(again, report) if again else f"<p>{escape(unsimulated)}</p>")
+    body = list(map(_unbroken, body))
     with house_style():
         figures = _figures(again, report, provisional)
     for figure, caption in figures:
-        body.append(f"<figure>{_svg(figure, source)}<figcaption>{escape(caption)}</figcaption></figure>")
+        body.append(f"<figure>{_svg(figure, source)}<figcaption>{_unbroken(escape(caption))}</figcaption></figure>")
     if report.not_seen:
         items = "".join(f"<li><b>{escape(title_of(k))}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
-        body.append(f"<h2>What this session could not have shown</h2><ul>{items}</ul>")
+        body.append(f"<h2>What this session could not have shown</h2><ul>{_unbroken(items)}</ul>")
     title = f"{'SIMULATED – ' if source.simulated else ''}draglag gap report"
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -98,6 +101,11 @@ def write_gap_report(
             "Choose a folder that can be written to",
         ) from None
     return path
+
+
+def _unbroken(html: str) -> str:
+    """The same HTML; a number stays in one line with its unit, and a p-value."""
+    return _WHOLE.sub(r'<span class="number">\g<0></span>', html)
 
 
 def _check_table(report: GapReport) -> str:

@@ -9,8 +9,9 @@ from draglag.recording import LogEntry, Session
 
 def note_rows(session: Session, analysis: Analysis) -> list[dict[str, str]]:
     """Level, place ("+1:40 run-03") and text of every note, except runs' infos."""
+    again = {run: f"; repeated as {by}" for run, by in analysis.repeated.items()}
     rows = [
-        {"level": "warning", "place": run, "text": f"not in the curve ({why})"}
+        {"level": "warning", "place": run, "text": f"not in the curve ({why}{again.get(run, '')})"}
         for run, why in analysis.excluded.items()
     ]
     said = [(note, "") for note in session.notes]

@@ -149,6 +149,7 @@ class AnalyzeOutput(_Output):
     validation_mean: list[ValidationMeanOutput]
     verification: VerificationOutput
     excluded: dict[str, str] = Field(description="run → why it is not in the curve")
+    repeated: dict[str, str] = Field(description="run that gave nothing → the run recorded in its place")
     problems: list[str]
     warnings: list[str]
 

@@ -12,9 +12,12 @@ import pytest
 from click.testing import CliRunner
 from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication, QDoubleSpinBox, QLabel, QWidget
 
+from draglag.errors import EstimateError
 from draglag.gap import close_gap
+from draglag.recording import empty_laser
 from draglag.shown import matched
 from draglag.store import read_analyses, read_session, write_session
 from draglag_app.cli.main import cli
@@ -150,6 +153,75 @@ def test_a_run_included_by_hand_is_judged_again_in_another_session(
     opened.open_file(second)
     until(lambda: space.path == second and idle(opened)())
     assert space.analysis.excluded == {run: "aborted"}
+
+
+def test_a_run_that_failed_and_came_again_is_repeated_in_the_table_and_no_warning(
+    opened: OperatorWindow, session_file: Path, tmp_path: Path, until: Callable
+) -> None:
+    session, space, table = read_session(session_file), opened.space, opened.pages["results"][1].table
+    first = session.runs[0]
+    blind, again = replace(first, laser=empty_laser(), outcome="aborted"), replace(first, id=f"{first.id}-2")
+    path = write_session(replace(session, runs=(blind, *session.runs[1:], again)), tmp_path / "again.h5")
+    opened.open_file(path)
+    until(lambda: space.path == path and idle(opened)())
+    said = {table.item(row, 0).text(): table.item(row, 5) for row in range(table.rowCount())}
+    assert said[blind.id].text() == f"repeated as {again.id}"
+    assert "aborted" in said[blind.id].toolTip()
+    assert said[again.id].text() == "✓ good"
+    assert blind.id not in opened.pages["results"][1].summary.text()
+
+
+def test_a_wrong_diameter_of_the_stylus_is_corrected_undone_and_kept_with_the_results(
+    opened: OperatorWindow, session_file: Path, tmp_path: Path, until: Callable
+) -> None:
+    session, space, results = read_session(session_file), opened.space, opened.pages["results"][1]
+    path = write_session(replace(session, stylus=replace(session.stylus, diameter_mm=9.0)), tmp_path / "wrong.h5")
+    opened.open_file(path)
+    until(lambda: space.path == path and idle(opened)())
+    opened.go("results")
+    results.tabs.setCurrentWidget(results.width_view)
+    assert "by ruler 9 mm" in results.summary.text()
+    (field,) = [one for one in results.findChildren(QDoubleSpinBox) if one.accessibleName() == "Stylus diameter"]
+    assert field.value() == 9.0
+    field.setFocus()
+    field.selectAll()
+    QTest.keyClicks(field, "7")
+    QTest.keyClick(field, Qt.Key.Key_Return)
+    until(idle(opened))
+    assert "by ruler" not in results.summary.text()
+    assert "recorded as 9.00 mm" in [one.text() for one in results.findChildren(QLabel)]
+    assert set(results.width_view.plot.drawn["ruler"][1]) == {7.0}
+    space.keep_analysis()
+    until(idle(opened))
+    assert read_analyses(path)[-1].options["stylus_mm"] == 7.0
+    assert read_session(path).stylus.diameter_mm == 9.0
+    opened.ask("undo")
+    until(idle(opened))
+    assert field.value() == 9.0
+    assert "by ruler 9 mm" in results.summary.text()
+    opened.ask("redo")
+    until(idle(opened))
+    opened.open_file(session_file)
+    until(lambda: space.path == session_file and idle(opened)())
+    assert space.analysis.options.stylus_mm is None  # a correction belongs to its session
+
+
+def test_the_gap_is_explained_with_the_corrected_diameter(
+    opened: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[float] = []
+
+    def fake(function: Callable, arguments: tuple, progress: Callable) -> dict:
+        given.append(arguments[0].stylus.diameter_mm)
+        raise EstimateError("not computed", "It is a test")
+
+    monkeypatch.setattr(gap, "run_in_subprocess", fake)
+    for diameter_mm in (9.0, 7.0):
+        opened.space.correct_stylus(diameter_mm)
+        until(idle(opened))
+        opened.pages["gap"][1].explain_button.click()
+        until(idle(opened))
+    assert given == [9.0, 7.0]
 
 
 def test_kept_results_say_which_runs_were_chosen_by_hand(opened: OperatorWindow, until: Callable) -> None:

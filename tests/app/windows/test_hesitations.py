@@ -16,6 +16,7 @@ from PySide6.QtWidgets import QApplication, QDialog, QFileDialog, QInputDialog, 
 from draglag.instruments.calibration import target_places
 from draglag.latency import RunEstimate
 from draglag.protocol.runs import ClockCheck, TapPlan
+from draglag.store import read_session
 from draglag_app.windows import start
 from draglag_app.windows.pages import bench
 from draglag_app.windows.pages.parts.run_table import COMMENT
@@ -236,6 +237,23 @@ def test_a_step_has_the_room_that_its_words_need(dutch_at_150: OperatorWindow, q
 
 
 # --- afterwards ---
+
+
+def test_a_session_is_named_in_the_language_of_the_window_and_keeps_its_name(
+    qapp: QApplication, open_window: Callable, until: Callable
+) -> None:
+    try:
+        window = open_window(rig=FAST, language="nl")
+        run = window.space.protocol.runs[1].model_copy(update={"speeds_mm_s": (425.0,), "duration_s": 10.0})
+        plan = {"name": "quick", "runs": (run,), "taps": None, "clock_check": None}
+        window.space.set_protocol(window.space.protocol.model_copy(update=plan))
+        window.ask("start")
+        until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+        assert read_session(window.space.path).name == "quick op screen-1"
+        use_language(qapp, "en")
+        assert window.space.session.name == "quick op screen-1"
+    finally:
+        use_language(qapp, "en")
 
 
 def test_a_comment_is_brought_in_sight(opened: OperatorWindow, qapp: QApplication) -> None:

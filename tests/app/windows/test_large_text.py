@@ -10,6 +10,7 @@ import pytest
 from PySide6.QtCore import QPoint
 from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QTableWidgetItem, QVBoxLayout, QWidget
 
+from draglag_app.windows.main import _AROUND_PX
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.full_texts import ElidedLabel
 from draglag_app.windows.parts.page_stack import PageScroll
@@ -97,6 +98,24 @@ def test_latency_and_verdict_are_whole(large: OperatorWindow, qapp: QApplication
     for column in (0, 3, 5):
         assert table.columnWidth(column) >= table.sizeHintForColumn(column)
         assert table.columnViewportPosition(column) + table.sizeHintForColumn(column) <= table.viewport().width()
+
+
+def test_the_choices_and_the_first_runs_of_results_are_in_sight(
+    large: OperatorWindow, qapp: QApplication, until: Callable, session_file: Path
+) -> None:
+    large.space.open(session_file)
+    until(lambda: large.space.analysis is not None and not large.space.tasks.running)
+    large.go("results")
+    large.resize(1280, 800 - _AROUND_PX[1])  # below a title bar
+    until(lambda: large.stack.width() > 1000)
+    for _ in range(5):
+        qapp.processEvents()
+    results = large.pages["results"][1]
+    for box in (results.estimator, results.rate, results.form):
+        assert box.shown() == box.currentText()
+    table = results.table
+    seen = table.viewport().visibleRegion().boundingRect()
+    assert seen.height() >= table.rowViewportPosition(1) + table.rowHeight(1)
 
 
 def test_the_protocols_plots_have_room(large: OperatorWindow, qapp: QApplication) -> None:

@@ -206,6 +206,33 @@ def test_without_room_next_to_it_the_picture_is_docked_and_covers_nothing(
     assert "What the participant sees" not in shown
 
 
+def test_the_crosses_of_a_calibration_are_docked_too_and_cover_no_button(
+    open_window: Callable, until: Callable, qapp: QApplication
+) -> None:
+    window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
+    window.setGeometry(window.screen().availableGeometry())
+    window.ask("calibrate")
+    calibrating, panel = window.space.calibrating, window.geometry_page.calibration
+    until(lambda: panel.back.isEnabled())
+    picture = calibrating.window
+    assert picture.window() is window
+    assert picture.visibleRegion().boundingRect() == picture.rect()
+    assert picture.width() >= 200
+    size = window.space.settings.panel.screen()
+    assert picture.height() / picture.width() == pytest.approx(size.height_mm / size.width_mm, rel=0.02)
+    for control in (panel.back, panel.cancel):
+        assert control.visibleRegion().boundingRect() == control.rect()  # nothing lies over it
+    assert not panel.picture.isVisible()
+    QTest.keyClick(window.windowHandle(), Qt.Key.Key_Backspace)
+    assert calibrating.active
+    QTest.keyClick(window.windowHandle(), Qt.Key.Key_Escape)
+    assert not calibrating.active
+    qapp.processEvents()
+    assert panel.picture.isVisible()
+    shown = [one.text() for one in panel.findChildren(QLabel) if one.isVisibleTo(panel)]
+    assert "What the participant sees" not in shown
+
+
 def test_with_a_monitor_each_nothing_changes_place(
     shared: OperatorWindow, until: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:

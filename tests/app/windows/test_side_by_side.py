@@ -62,6 +62,7 @@ def test_a_session_opens_the_display_where_it_leaves_the_most_in_sight(open_wind
 
 def test_a_calibration_opens_it_there_too(open_window: Callable) -> None:
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
+    window.resize(740, 560)
     screen, before = window.screen().availableGeometry(), window.frameGeometry()
     window.ask("calibrate")
     assert_next_to(window, window.space.calibrating.window, screen, before)

@@ -11,7 +11,7 @@ from draglag.curve import CurvePoints, fit_best
 from draglag.errors import EstimateError
 from draglag.gap import close_gap
 from draglag.gap.results import unjudged
-from draglag.recording import Run, Session
+from draglag.recording import Run, Session, empty_laser
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +42,34 @@ def test_a_run_that_did_not_end_well_is_not_in_the_curve(session: Session, outco
     assert included.curve is not None
     assert included.curve.n_points == len(session.runs)
     assert included.excluded == {}
+
+
+def test_a_run_that_gave_nothing_is_not_named_once_its_repeat_did(session: Session) -> None:
+    """The laser saw nothing of the run, and nothing of its first repeat."""
+    run = of(session, 290.0)
+    blind = replace(run, laser=empty_laser())
+    others = [one for one in session.runs if one.id != run.id]
+    again = [replace(blind, id=f"{run.id}-2", outcome="aborted"), replace(run, id=f"{run.id}-3")]
+    alone = analyze(replace(session, runs=(blind, *others)))
+    assert alone.repeated == {}
+    assert any(run.id in text for text in alone.problems)
+    found = analyze(replace(session, runs=(blind, *others, *again)))
+    assert found.repeated == {run.id: f"{run.id}-3", f"{run.id}-2": f"{run.id}-3"}
+    assert not [text for text in (*found.problems, *found.warnings) if run.id in text]
+    assert found.excluded == {f"{run.id}-2": "aborted"}
+
+
+def test_a_run_included_by_hand_is_not_repeated_and_a_repeat_without_a_latency_repeats_nothing(
+    session: Session,
+) -> None:
+    run = of(session, 290.0)
+    others = [one for one in session.runs if one.id != run.id]
+    aborted, again = replace(run, outcome="aborted"), replace(run, id=f"{run.id}-2")
+    both = replace(session, runs=(aborted, *others, again))
+    assert analyze(both).repeated == {run.id: again.id}
+    assert analyze(both, AnalysisOptions(include=frozenset({run.id}))).repeated == {}
+    no_use = replace(again, laser=empty_laser())
+    assert analyze(replace(both, runs=(aborted, *others, no_use))).repeated == {}
 
 
 def test_the_gap_leaves_out_the_same_runs_as_the_curve(session: Session) -> None:

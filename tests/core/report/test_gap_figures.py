@@ -97,3 +97,17 @@ def test_the_page_draws_the_provisional_term_that_it_reports(tmp_path: Path) -> 
         steps = re.findall(r"<svg.*?</svg>", text, re.DOTALL)[0]
         assert ("Provisional term unnamed:session_time" in text) is (unnamed is not None)
         assert ("<pattern" in steps) is (unnamed is not None)  # what a hatched area is filled with
+
+
+def test_the_page_breaks_no_line_between_a_number_and_its_unit_or_within_a_p_value(tmp_path: Path) -> None:
+    session = read_exchange(SAMPLE)
+    session = replace(session, runs=session.runs[:5])
+    report = replace(close_gap(session, max_effects=0), steps=(SURE,))
+    page = write_gap_report(session, report, tmp_path / "gap.html").read_text("utf-8")
+    text = re.sub(r"<(svg|style|head)\b.*?</\1>", "", page, flags=re.DOTALL)
+    whole = re.findall(r'<span class="number">(.*?)</span>', text)
+    assert "p &lt; 0.001" in whole
+    assert f"{report.gap_last_mm:.3f} mm" in whole
+    assert ".number{white-space:nowrap}" in page
+    breakable = re.sub(r'<(\w+) class="number">.*?</\1>', "", text)
+    assert re.findall(r"\bp (?:=|&lt;) |\d (?:mm|ms|%)", breakable) == []

@@ -52,6 +52,13 @@ def texts(page: str, element: str) -> list[str]:
     return [" ".join(unescape(re.sub(r"<[^>]*>", "", inner)).split()) for inner in found]
 
 
+def test_a_corrected_diameter_stands_with_the_recorded_one(session: Session, page: str, tmp_path: Path) -> None:
+    assert "7.00 mm" in texts(page, "dd")
+    options = AnalysisOptions(form="constant", stylus_mm=6.8)
+    corrected = write_report(session, analyze(session, options), tmp_path).read_text("utf-8")
+    assert "6.80 mm, corrected: recorded as 7.00 mm" in texts(corrected, "dd")
+
+
 def test_notes_stand_with_time_and_run_in_order_of_time(page: str) -> None:
     assert texts(page, "li") == [
         "⚠ run-10 not in the curve (the stylus was lifted)",

@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from draglag.analysis import with_stylus
 from draglag.errors import DraglagError
 from draglag.gap.by_hand import BY_HAND
 from draglag.model.file import LatencyModel, save_model
@@ -51,6 +52,7 @@ class GapPage(QWidget):
         self._shown: State = (frozenset(), ())
         self._known: dict[State, dict[str, Any]] = {}
         self._runs_chosen: tuple[Any, ...] = ()
+        self._stylus_mm: float | None = None  # of the gap that is shown
         self._task: Task | None = None
         outer = QVBoxLayout(self)
         outer.setContentsMargins(12, 12, 12, 12)
@@ -119,11 +121,13 @@ class GapPage(QWidget):
     def start(self) -> None:
         """Close the gap in another process, cancellable."""
         session, without, added = self._space.session, self._without, self._added
-        if session is None or self._task is not None:
+        corrected, options = self._space.corrected, self._space.options
+        if corrected is None or self._task is not None:
             return
-        chosen = self._space.options.exclude, self._space.options.include
+        chosen = options.exclude, options.include, options.stylus_mm
         if chosen != self._runs_chosen:
             self._runs_chosen, self._known = chosen, {}
+            self._stylus_mm = options.stylus_mm
         known = self._known.get((without, added))
         if known is not None:
             self.show_report(known)
@@ -131,13 +135,13 @@ class GapPage(QWidget):
             return
         self._busy()
         kept, path = self._start_from(), self._space.path
-        exclude, include = chosen
-        judged = replace(session, runs=tuple(run for run in session.runs if run.id not in exclude))
+        runs = tuple(run for run in corrected.runs if run.id not in options.exclude)
+        judged = replace(corrected, runs=runs)
         self._say("", self.tr("Fitting the model, looking at what is left …"))
 
         def work(progress: Progress) -> dict[str, Any]:
             found: dict[str, Any] = run_in_subprocess(
-                close_gap_of, (judged, without, added, kept, path, include), progress
+                close_gap_of, (judged, without, added, kept, path, options.include), progress
             )
             return found
 
@@ -214,10 +218,12 @@ class GapPage(QWidget):
             self._space.noticed.emit("info", self.tr("Explain the gap first: there is nothing to report yet."))
             return
 
+        judged = with_stylus(session, self._stylus_mm)
+
         def begin(path: Path) -> None:
             self._space.tasks.start(
                 self.tr("Writing the report"),
-                lambda progress: run_in_subprocess(write_gap_of, (session, found, path), progress),
+                lambda progress: run_in_subprocess(write_gap_of, (judged, found, path), progress),
                 lambda result: self._space.saved.emit(path),
                 self._space.fault,
             )

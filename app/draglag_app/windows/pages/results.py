@@ -19,13 +19,14 @@ from draglag.analysis import Analysis
 from draglag.curve import FORMS, CurveFit, fit_form
 from draglag.errors import EstimateError
 from draglag_app.windows.pages.parts.run_table import RunTable
+from draglag_app.windows.pages.parts.width_view import WidthView
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.full_texts import ElidedBox, whole_text
 from draglag_app.windows.parts.tasks import Progress
 from draglag_app.windows.parts.theme import wide
 from draglag_app.windows.parts.widgets import LARGE_TEXT, button, label
 from draglag_app.windows.plots.curve_plot import CurvePlot
-from draglag_app.windows.plots.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView, WidthPlot
+from draglag_app.windows.plots.result_plots import AlignmentPlot, CostPlot, TapsPlot, ValidationView
 from draglag_app.windows.wording import words
 from draglag_app.windows.wording.equation import equation_html
 from draglag_app.windows.wording.library_words import sentences
@@ -62,13 +63,13 @@ class ResultsPage(QWidget):
         self.tabs.setAccessibleName(self.tr("The chosen run"))
         self.alignment = AlignmentPlot()
         self.cost = CostPlot()
-        self.width_plot = WidthPlot()
+        self.width_view = WidthView(workspace)
         self.taps = TapsPlot()
         self.validation = ValidationView()
         for page, title in (
             (self.alignment, self.tr("Alignment")),
             (self.cost, self.tr("J(L)")),
-            (self.width_plot, self.tr("Width")),
+            (self.width_view, self.tr("Width")),
             (self.taps, self.tr("Taps")),
             (self.validation, self.tr("Validation")),
         ):
@@ -158,7 +159,8 @@ class ResultsPage(QWidget):
             whole_text(box, tip)
             box.setAccessibleName(tip)
             box.activated.connect(self._options_chosen)
-            row.addWidget(box)
+            box.setMaximumWidth(box.whole_px())
+            row.add_growing(box)
         self.fix_asymptote = QCheckBox(self.tr("Fix asymptote to taps"))
         self.fix_asymptote.setToolTip(self.tr("Fix the latency at high speed to the median release tap"))
         self.fix_asymptote.clicked.connect(self._options_chosen)
@@ -183,8 +185,9 @@ class ResultsPage(QWidget):
         self.filter.clear()  # words for another session's runs would hide those of this one
         self.flags.hide()
         self.table.clear_runs()
-        for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps):
+        for plot in (self.curve, self.alignment, self.cost, self.taps):
             plot.clear_all()
+        self.width_view.clear()
         self.validation.show_items(())
         session = self._space.session
         if session is not None:
@@ -198,10 +201,12 @@ class ResultsPage(QWidget):
             return
         self._alternatives = []
         self.table.show_estimates(analysis.runs, analysis.options.exclude)
+        by_hand = analysis.options.exclude
+        self.table.show_repeated({run: by for run, by in analysis.repeated.items() if run not in by_hand})
         self.table.show_comments(self._space.comments)
         self._draw_curve()
         self.taps.show_taps(analysis.taps)
-        self.width_plot.show_runs(analysis.runs, self._space.session)
+        self.width_view.show_analysis(analysis)
         self.validation.show_items(analysis.validation)
         self._say()
         self._name_button()
@@ -329,7 +334,7 @@ class ResultsPage(QWidget):
         self.exclude_button.setText(self.tr("Include") if out else self.tr("Exclude…"))
 
     def _show_run(self) -> None:
-        analysis, session = self._space.analysis, self._space.session
+        analysis, session = self._space.analysis, self._space.corrected
         if analysis is None or session is None or not self._chosen:
             return
         shown = self.tabs.currentWidget()
@@ -344,6 +349,6 @@ class ResultsPage(QWidget):
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""
-        for plot in (self.curve, self.alignment, self.cost, self.width_plot, self.taps, self.validation.plot):
+        for plot in (self.curve, self.alignment, self.cost, self.width_view.plot, self.taps, self.validation.plot):
             plot.restyle()
         self._analysis_changed()

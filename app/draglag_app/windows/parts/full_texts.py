@@ -66,6 +66,14 @@ class ElidedBox(QComboBox):
         self.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.setMinimumContentsLength(letters)
 
+    def whole_px(self) -> int:
+        """The width at which every choice is whole."""
+        self.ensurePolished()
+        letters = self.fontMetrics()
+        least_px = self.minimumContentsLength() * letters.horizontalAdvance("X")
+        longest_px = max((letters.horizontalAdvance(self.itemText(k)) for k in range(self.count())), default=0)
+        return self.sizeHint().width() + max(0, longest_px - least_px)
+
     def shown(self) -> str:
         """The choice as shown."""
         option = QStyleOptionComboBox()

@@ -10,6 +10,8 @@ from draglag_app.windows.parts.follow_focus import FollowFocus
 
 # A window smaller than that shows too little of any page to work with.
 _LEAST = QSize(320, 160)
+# So wide that every text has its least lines.
+_WIDE_PX = 10_000
 
 
 class PageStack(QStackedWidget):
@@ -23,7 +25,11 @@ class PageStack(QStackedWidget):
         page = self.currentWidget()
         if page is None:
             return super().minimumSizeHint()
-        return page.minimumSizeHint().expandedTo(page.minimumSize())
+        least, layout = page.minimumSizeHint().expandedTo(page.minimumSize()), page.layout()
+        if layout is not None and layout.hasHeightForWidth():
+            # Labels that wrap count the lines of a narrow page; how many there are is asked of heightForWidth.
+            least.setHeight(max(page.minimumHeight(), layout.minimumHeightForWidth(_WIDE_PX)))
+        return least
 
     def sizeHint(self) -> QSize:
         return self.minimumSizeHint()

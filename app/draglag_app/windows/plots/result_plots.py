@@ -17,7 +17,7 @@ from draglag.recording import Run, Session
 from draglag.validation.misalignment import Validation
 from draglag_app.windows.parts.tasks import Progress, Tasks
 from draglag_app.windows.parts.theme import theme
-from draglag_app.windows.parts.widgets import table
+from draglag_app.windows.parts.widgets import Scrolled, table
 from draglag_app.windows.plots.plot import Plot, tr
 from draglag_app.windows.wording import words
 
@@ -167,20 +167,20 @@ class TapsPlot(Plot):
         self.title_lines(titles)
 
 
-class ValidationView(QWidget):
+class ValidationView(Scrolled):
     """Misalignment the curve removes from other runs (Eq. 4)."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        box = QVBoxLayout(self)
-        box.setContentsMargins(8, 8, 8, 8)
+    def __init__(self) -> None:
+        box = QVBoxLayout()
         titles = [tr("run"), tr("target"), tr("J without (mm²)"), tr("J with"), tr("removed")]
-        self.table = table(titles, stretch=1)
-        self.table.setAccessibleName(tr("Validation"))
-        self.plot = Plot(tr("Residual at each edge"), tr("drag speed (mm/s)"), tr("residual (mm)"), "validation")
-        self.plot.add_legend(columns=2)
-        box.addWidget(self.table, 2)
-        box.addWidget(self.plot, 3)
+        rows = table(titles, stretch=1)
+        rows.setAccessibleName(tr("Validation"))
+        plot = Plot(tr("Residual at each edge"), tr("drag speed (mm/s)"), tr("residual (mm)"), "validation")
+        plot.add_legend(columns=2)
+        box.addWidget(rows, 2)
+        box.addWidget(plot, 3)
+        super().__init__(box)
+        self.table, self.plot = rows, plot
 
     def show_items(self, items: Iterable[Validation]) -> None:
         self.table.setRowCount(0)

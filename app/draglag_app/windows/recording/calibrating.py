@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -12,6 +13,7 @@ from draglag.errors import DataError, DraglagError
 from draglag.instruments.calibration import target_places
 from draglag.recording import Screen
 from draglag_app.calibrating import NO_UNITS, SAME_PLACE, SLID, TARGETS, TOO_SHORT, Touches
+from draglag_app.windows.participant.docked import show_picture
 from draglag_app.windows.participant.screen_display import numbered_screen
 from draglag_app.windows.participant.side_by_side import operators_window
 from draglag_app.windows.participant.window import ParticipantWindow
@@ -66,6 +68,7 @@ class Calibrating(QObject):
         super().__init__(parent)
         self.touches = Touches()
         self.window: ParticipantWindow | None = None
+        self.dock: Callable[[ParticipantWindow], object] | None = None  # takes a picture that has no room of its own
         self.fault = ""
         self._reader: _Reader | None = None
         self._address = ""
@@ -105,7 +108,7 @@ class Calibrating(QObject):
         window.stepped_back.connect(self.back)
         self.window = window
         if settings.rig.display != "offscreen":
-            window.show_on(place, operators_window(self))
+            show_picture(window, place, operators_window(self), self.dock)
         self._show()
         self._reader.thread = threading.Thread(
             target=self._read, args=(self._reader,), name="draglag-calibration", daemon=True

@@ -80,7 +80,7 @@ class LiveView(QSplitter):
 
     def dock(self, picture: ParticipantWindow) -> None:
         """Show the participant's picture until the session ends."""
-        self._docked = DockedPicture(picture, picture.ratio)
+        self._docked = DockedPicture(picture)
         self.insertWidget(0, self._docked)
         self.setSizes([300, 500, 380])
         picture.setFocus()  # Esc aborts the run, as in a window of its own

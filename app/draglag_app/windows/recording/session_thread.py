@@ -19,8 +19,9 @@ from draglag.recording import Run
 from draglag_app.session import Control, Display, OffscreenDisplay, SessionOptions, events, run_session
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.participant.contact import Contact
+from draglag_app.windows.participant.docked import show_picture
 from draglag_app.windows.participant.screen_display import ScreenDisplay, WatchedDisplay, numbered_screen
-from draglag_app.windows.participant.side_by_side import has_room, operators_window
+from draglag_app.windows.participant.side_by_side import operators_window
 from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.wording.i18n import translate
 from draglag_app.windows.wording.library_words import CLOSED, ESC
@@ -140,12 +141,7 @@ class Recording(QObject):
         window = ParticipantWindow(order.options.screen)
         window.aborted.connect(lambda: self._aborted(ESC))
         window.closing.connect(lambda: self._aborted(CLOSED))
-        operator = operators_window(self)
-        visible = operator is not None and operator.isVisible()
-        if screen is None and operator is not None and visible and self.dock and not has_room(operator, window.ratio):
-            self.dock(window)
-        else:
-            window.show_on(screen, operator)
+        show_picture(window, screen, operators_window(self), self.dock)
         self.window = window
         return ScreenDisplay(window)
 

@@ -27,8 +27,8 @@ IN_BUTTONS = {
         (
             "The stylus measures {mean:.2f} mm ({low:.2f} to {high:.2f}), by ruler {known:g} mm: more than noise and "
             "sensor explain. A wrong diameter, a wrong scale of the touchscreen, a filter that shrinks "
-            "circles or a slow sensor can do this. Measure the stylus, calibrate the touchscreen, and "
-            "press Explain the gap on the page Gap."
+            "circles or a slow sensor can do this. Measure the stylus and correct its diameter under Width, calibrate "
+            "the touchscreen, and press Explain the gap on the page Gap."
         ),
     ),
     (

@@ -12,6 +12,8 @@ from draglag.errors import DraglagError
 from draglag.instruments.calibration import AffineFit, target_places
 from draglag.recording import Screen
 from draglag_app.calibrating import TARGETS, size_mismatch
+from draglag_app.windows.participant.docked import DockedPicture
+from draglag_app.windows.participant.window import ParticipantWindow
 from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.flow import Flow
 from draglag_app.windows.parts.theme import theme
@@ -40,6 +42,7 @@ class CalibrationPanel(Panel):
         super().__init__(tr("Touch calibration"), parent)
         self._space = workspace
         self._store = store
+        self._docked: DockedPicture | None = None
         self.verdict = label("", "verdict", wrap=True)
         self.body.addWidget(self.verdict)
         self.picture = Plot("", tr("x (mm)"), tr("y (mm)"), "calibration")
@@ -74,6 +77,21 @@ class CalibrationPanel(Panel):
         except DraglagError as error:
             self._refused(error.message)
 
+    def dock(self, picture: ParticipantWindow) -> None:
+        """Show the participant's picture until the calibration ends."""
+        self._docked = DockedPicture(picture)
+        self.body.replaceWidget(self.picture, self._docked)
+        self.picture.hide()
+        picture.setFocus()  # Esc and Backspace, as in a window of its own
+
+    def _undock(self) -> None:
+        if self._docked is not None:
+            self.body.replaceWidget(self._docked, self.picture)
+            self._docked.hide()
+            self._docked.deleteLater()
+            self._docked = None
+            self.picture.show()
+
     def refresh(self) -> None:
         """Show the progress, or the calibration in use."""
         calibrating, known = self._space.calibrating, self._space.settings.panel.calibration
@@ -92,6 +110,7 @@ class CalibrationPanel(Panel):
             text = self.tr("Touch the cross on the participant's screen: {k} of {n}.").format(k=n, n=TARGETS)
             self._say(f"{text} {calibrating.fault}", "warning" if calibrating.fault else "")
             return
+        self._undock()
         if known is None:
             self._say(self.tr("None: positions come from the size of the screen."), "")
             return

@@ -24,8 +24,8 @@ def tr(text: str) -> str:
     return QCoreApplication.translate("RunTable", text)
 
 
-COMMENT = 6
-"""The column of comments."""
+_VERDICT, COMMENT = 5, 6
+"""Columns."""
 _NARROW_PX = 580  # with less, verdicts would be out of sight
 _NOTHING = 2  # rank of a cell without a value, after numbers and texts
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
@@ -182,6 +182,16 @@ class RunTable(QTableWidget):
                 words.flag_meanings(estimate.flags),
             )  # fmt: skip
 
+    def show_repeated(self, repeated: Mapping[str, str]) -> None:
+        """Say of runs that failed which run was recorded in their place, run → run."""
+        with self._order_kept():
+            for row in range(self.rowCount()):
+                run_id = self._id(row)
+                if run_id in repeated:
+                    failed = self.item(row, _VERDICT)
+                    why = failed.text() if failed is not None else ""
+                    self._judge(row, "", tr("repeated as {run}").format(run=repeated[run_id]), why)
+
     def select(self, run_id: str) -> None:
         for row in range(self.rowCount()):
             if self._id(row) == run_id:
@@ -189,16 +199,21 @@ class RunTable(QTableWidget):
                 return
 
     def _fill(self, row: int, texts: tuple[str, ...], level: str, tip: str = "") -> None:
-        colours = {"ok": theme().ok, "warning": theme().warning, "bad": theme().bad}
-        for column, text in enumerate(texts):
-            last = column == len(texts) - 1
-            item = Cell(_MARK[level] + text if last else text, text)
-            if last and level:
-                item.setForeground(QBrush(QColor(colours[level])))
+        for column, text in enumerate(texts[:-1]):
+            item = Cell(text, text)
             if column in (2, 3, 4):
                 item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
             item.setToolTip(plain(tip))
             self.setItem(row, column, item)
+        self._judge(row, level, texts[-1], tip)
+
+    def _judge(self, row: int, level: str, text: str, tip: str = "") -> None:
+        colours = {"ok": theme().ok, "warning": theme().warning, "bad": theme().bad}
+        item = Cell(_MARK[level] + text, text)
+        if level:
+            item.setForeground(QBrush(QColor(colours[level])))
+        item.setToolTip(plain(tip))
+        self.setItem(row, _VERDICT, item)
 
     def _selected(self) -> None:
         rows = self.selectionModel().selectedRows()
