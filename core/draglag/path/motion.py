@@ -123,7 +123,7 @@ def local_fit(
     middle, count = np.searchsorted(t_s, at_s), last - first
     w = max(int(np.max(count, initial=1)), degree + 1)
     weighted, both = np.empty((degree + 1, m, w)), np.empty((m, degree + 1, degree + 3))
-    rows, place, (x_mm, y_mm) = max(IN_CACHE // w, 1), np.arange(w), xy_mm.T.copy()
+    rows, place, (x_mm, y_mm) = max(IN_CACHE // w, 1), np.arange(w), np.ascontiguousarray(xy_mm.T)
     for part in (slice(begin, begin + rows) for begin in range(0, m, rows)):
         index = np.minimum(first[part, None] + place, t_s.size - 1)
         u = (t_s.take(index) - at_s[part, None]) / width_s[part, None]
@@ -143,7 +143,8 @@ def local_fit(
     ok = (count >= degree + 2) & (middle >= first + 2) & (middle <= last - 2)
     normal = both[:, :, :-2]
     normal[~ok] = np.eye(degree + 1)
-    normal += (1e-12 * np.trace(normal, axis1=1, axis2=2))[:, None, None] * np.eye(degree + 1)
+    diagonal = np.einsum("mpp->mp", normal)
+    diagonal += 1e-12 * diagonal.sum(1, keepdims=True)
     solution = inverse(normal)
     coefficients = solution @ both[:, :, -2:]  # (m, p, 2)
     return LocalFit(

@@ -22,7 +22,8 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def test_the_example_goes_all_the_way(example: list[Path], tmp_path: Path) -> None:
     session, model, page = (str(tmp_path / name) for name in ("s.h5", "m.json", "gap.html"))
     effect = ("--effect", f"edge_averaging={TRUE_S}")
-    made = with_packages(example, "simulate", "--screen", "screen-1", *effect, "--seed", "5", "--out", session)
+    shown = ("--screen", "screen-1", "--protocol", "quick", *effect, "--seed", "5")
+    made = with_packages(example, "simulate", *shown, "--out", session)
     assert made.returncode == 0, made.stderr
     found = with_packages(example, "gap", session, "--json", "--save-model", model, "--report", page)
     assert found.returncode == 0, found.stderr

@@ -18,7 +18,10 @@ from draglag.recording import FloatArray
 
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
 LOG_RATE_SD = 0.7
-AMPLITUDE_SD_S = 0.15
+AMPLITUDE_SD_S = 0.15  # of each exponential at REFERENCE_MM_S
+# A fit moves what an exponential adds at this speed, of a slow run: at 0 mm/s, where nothing is recorded, amplitude and
+# rate of one that only slow runs show can hardly be told apart.
+REFERENCE_MM_S = 80.0
 PLATEAU_SD_MM_S = 60.0
 # The share of the latency by which the speed that counts may seem a later one than the edge's: what a hand's tremor and
 # the windows of the speeds leave on sound sessions.
@@ -48,14 +51,15 @@ class LawParameters:
         return self.a1_s * np.exp(-self.a2_s_mm * v) + self.a4_s * np.exp(-self.a5_s_mm * v) + self.a7_s
 
     def columns(self, speed_mm_s: FloatArray) -> FloatArray:
-        """∂L/∂(a1, ln a2, a4, ln a5, a7[, plateau]), (m, 5 or 6) s."""
+        """∂L/∂(A1, ln a2, A4, ln a5, a7[, plateau]), (m, 5 or 6) s. A: what an exponential adds at REFERENCE_MM_S."""
         v, below = self._held(speed_mm_s)
         slow, fast = np.exp(-self.a2_s_mm * v), np.exp(-self.a5_s_mm * v)
+        above = v - REFERENCE_MM_S
         out = [
-            slow,
-            -self.a1_s * self.a2_s_mm * v * slow,
-            fast,
-            -self.a4_s * self.a5_s_mm * v * fast,
+            np.exp(-self.a2_s_mm * above),
+            -self.a1_s * self.a2_s_mm * above * slow,
+            np.exp(-self.a5_s_mm * above),
+            -self.a4_s * self.a5_s_mm * above * fast,
             np.ones_like(v),
         ]
         if self.plateau_mm_s > 0:
@@ -68,6 +72,14 @@ class LawParameters:
         """Prior standard deviations, as in ``columns``."""
         plateau = (PLATEAU_SD_MM_S,) if self.plateau_mm_s > 0 else ()
         return AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, *plateau
+
+    def by_step(self) -> FloatArray:
+        """∂(a1, a2, a4, a5, a7[, plateau]) by a step as in ``columns``, (5 or 6, same)."""
+        out = np.eye(len(self.step_sd))
+        for at, a_s, rate in ((0, self.a1_s, self.a2_s_mm), (2, self.a4_s, self.a5_s_mm)):
+            out[at, at] = np.exp(rate * REFERENCE_MM_S)
+            out[at, at + 1], out[at + 1, at + 1] = a_s * rate * REFERENCE_MM_S, rate
+        return out
 
     def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
         """The speed, at least the plateau's."""
@@ -92,19 +104,23 @@ class LawParameters:
     def moved(self, step: FloatArray) -> Self:
         """Law after a step as in ``columns``."""
         limited = np.clip(step[[1, 3]], -0.7, 0.7)
+        a1_s, a2_s_mm = _exponential(self.a1_s, self.a2_s_mm, float(step[0]), float(limited[0]))
+        a4_s, a5_s_mm = _exponential(self.a4_s, self.a5_s_mm, float(step[2]), float(limited[1]))
         moved = replace(
-            self,
-            a1_s=max(self.a1_s + step[0], LEAST_AMPLITUDE_S),
-            a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(limited[0]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
-            a4_s=max(self.a4_s + step[2], LEAST_AMPLITUDE_S),
-            a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
-            a7_s=self.a7_s + step[4],
-        )
+            self, a1_s=a1_s, a2_s_mm=a2_s_mm, a4_s=a4_s, a5_s_mm=a5_s_mm, a7_s=self.a7_s + step[4]
+        )  # fmt: skip
         if self.plateau_mm_s > 0:
             moved = replace(
                 moved, plateau_mm_s=float(np.clip(self.plateau_mm_s + np.clip(step[5], -25, 25), *PLATEAUS_MM_S))
             )
         return moved
+
+
+def _exponential(a_s: float, rate_s_mm: float, at_reference_s: float, of_ln_rate: float) -> tuple[float, float]:
+    """Amplitude and rate of an exponential after a step of what it adds at REFERENCE_MM_S and of ln rate."""
+    there_s = a_s * np.exp(-rate_s_mm * REFERENCE_MM_S) + at_reference_s
+    rate_s_mm = float(np.clip(rate_s_mm * np.exp(of_ln_rate), LEAST_RATE_S_MM, MOST_RATE_S_MM))
+    return max(float(there_s * np.exp(rate_s_mm * REFERENCE_MM_S)), LEAST_AMPLITUDE_S), rate_s_mm
 
 
 def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:

@@ -217,7 +217,7 @@ def traces_of(runs: tuple[RunData, ...]) -> Traces:
     return Traces(
         runs,
         np.concatenate(t_s),
-        np.concatenate([data.xy_mm for data in runs]),
+        np.asfortranarray(np.concatenate([data.xy_mm for data in runs])),  # each coordinate in one piece: see local_fit
         shift_s,
         np.concatenate([[0], np.cumsum([data.t_s.size for data in runs])]),
         losses[np.argsort(losses[:, 0])],
