@@ -19,8 +19,8 @@ from draglag.recording import FloatArray
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
 LOG_RATE_SD = 0.7
 AMPLITUDE_SD_S = 0.15  # of each exponential at REFERENCE_MM_S
-# A fit moves what an exponential adds at this speed, of a slow run: at 0 mm/s, where nothing is recorded, amplitude and
-# rate of one that only slow runs show can hardly be told apart.
+# A fit moves what an exponential adds at this speed, of a slow run: at 0 mm/s, where nothing is recorded, amplitude
+# and rate of one that only slow runs show make up for each other.
 REFERENCE_MM_S = 80.0
 PLATEAU_SD_MM_S = 60.0
 # The share of the latency by which the speed that counts may seem a later one than the edge's: what a hand's tremor and
