@@ -250,6 +250,15 @@ def test_analyze_prints_one_json_object_of_the_agreed_shape(session_file: Path) 
     assert math.sqrt(sum(e * e for e in errors) / len(errors)) < 1.3
 
 
+def test_gap_takes_another_diameter_of_the_stylus() -> None:
+    """Of a sound session with a wrong one, the shadow is narrower or wider than the stylus by the difference."""
+    recorded_mm = json.loads((SAMPLES / "none-A" / "session.json").read_text("utf-8"))["stylus_diameter_mm"]
+    result = run("gap", SAMPLES / "none-A", "--stylus-mm", recorded_mm + 1, "--json")
+    (step,) = json.loads(result.stdout)["steps"]
+    assert step["effect"] in ("beam_width", "scale_error")
+    assert json.loads(run("gap", SAMPLES / "none-A", "--stylus-mm", recorded_mm, "--json").stdout)["steps"] == []
+
+
 def test_analyze_takes_another_diameter_of_the_stylus_and_says_so_in_the_report(tmp_path: Path) -> None:
     result = run("analyze", SAMPLES / "none-A", "--stylus-mm", 9, "--report", tmp_path, "--json")
     found = json.loads(result.stdout)

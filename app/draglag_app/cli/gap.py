@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from draglag.analysis import with_stylus
 from draglag.errors import EstimateError
 from draglag.gap.constants import MOST_EFFECTS
 from draglag.gap.provisional import Provisional, provisional_term
@@ -29,6 +30,7 @@ from draglag.simulation.effects import EFFECTS, known_effects, title_of
 from draglag.system.packages import need
 from draglag_app.cli.batch import GAP_COLUMNS, FindingGap
 from draglag_app.cli.common import (
+    FiniteRange,
     checksum,
     json_option,
     load_session,
@@ -68,6 +70,8 @@ from draglag_app.cli.many import (
     metavar="RUN",
     help="Include a run that is excluded for how it went; may be repeated, or `all`.",
 )
+@click.option("--stylus-mm", type=FiniteRange(0, 100, min_open=True), metavar="MM",
+              help="Diameter of the stylus, where another was recorded.")  # fmt: skip
 @click.option(
     "--provisional",
     is_flag=True,
@@ -90,6 +94,7 @@ def gap(
     include: tuple[str, ...],
     report: Path | None,
     model_path: Path | None,
+    stylus_mm: float | None,
     provisional: bool,
     jobs: int | None,
     scheduler: str | None,
@@ -111,7 +116,9 @@ def gap(
     """
     known_effects(without)
     if not is_one(sessions):
-        only_one({"--report": report, "--save-model": model_path, "--provisional": provisional})
+        only_one(
+            {"--report": report, "--save-model": model_path, "--provisional": provisional, "--stylus-mm": stylus_mm}
+        )
         _many(sessions, FindingGap(max_effects, without, include), jobs, scheduler, out, summary_path, as_json)
         return
     only_many({"--out": out, "--summary": summary_path, "--scheduler": scheduler})
@@ -120,7 +127,7 @@ def gap(
         need("matplotlib")
     for path in filter(None, (report, model_path)):
         refuse_existing(path)
-    data = load_session(session)
+    data = with_stylus(load_session(session), stylus_mm)
     refuse_unknown_runs(session, data, include)
     with progress("Explaining the gap") as done:
         result = close_gap(data, max_effects, [e for e in EFFECTS if e not in without], done, include)

@@ -18,7 +18,7 @@ from draglag.recording import Session
 
 MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03  # a run's own latency and offset while the law is sought
 UNUSABLE = message("Check the calibration and the clocks of this session")
-STEPS, ATTEMPTS = 20, 4
+STEPS, ATTEMPTS = 20, 6
 LEAST_DAMPING = 1e-5  # of the information's diagonal: the valley of two exponentials is a hundred times narrower
 STRONGER, WEAKER = 100.0, 10.0  # factors of the damping after a step that failed, and after one that did not
 PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
@@ -47,6 +47,7 @@ class Search:
 def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
     """Converged search. fixed: edges of a smaller model. Edges and weights follow the law only at first."""
     width_mm = session.screen.width_mm
+    allowed = search.use
     settled = judged = False
     damping = 0.0
     for iteration in range(STEPS):
@@ -54,7 +55,7 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
             search = search.at_best_rates(runs, width_mm)
         if (iteration == 4 and not judged) or settled:
             settled, judged, damping = False, True, 0.0
-            search = _judged(session, runs, search, fixed).at_best_rates(runs, width_mm)
+            search = _judged(session, runs, search, allowed if fixed else None).at_best_rates(runs, width_mm)
         found = _next(search.state, search.white, search.use, runs, width_mm, damping, ENOUGH if judged else ROUGHLY)
         settled = found is None
         if found is None:
@@ -76,9 +77,12 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
     return search
 
 
-def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
+def _judged(session: Session, runs: tuple[RunData, ...], search: Search, allowed: np.ndarray | None) -> Search:
+    """Search with its edges and noise as the law found so far shows them. allowed: edges of a smaller model, if any."""
     state = search.state
-    use = search.use & (state.placed.ok if fixed else usable(state, runs, loose=False))
+    # Of a smaller model's edges, those come back that could not be placed on the way here.
+    placed = allowed & state.placed.ok & np.isfinite(state.residual) if allowed is not None else None
+    use = search.use & usable(state, runs, loose=False) if placed is None else placed
     if not use.any():
         raise EstimateError(
             message("{session}: no edge lies where the law predicts it", session=session.name), UNUSABLE
