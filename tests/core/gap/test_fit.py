@@ -165,7 +165,7 @@ def test_an_interval_holds_a_drift_although_runs_scatter_more_than_noise_may(see
 
 
 def test_columns_of_the_law_are_its_change_by_a_step() -> None:
-    law = LawParameters(0.09, 4e-3, 0.18, 3e-2, 0.028, 60.0)
+    law = LawParameters(0.09, 4e-3, 0.18, 3e-2, 0.028, 60.0, 80.0)
     speed = np.geomspace(44, 1200, 30)
     for k, size in enumerate([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-3]):
         step = np.zeros(6)

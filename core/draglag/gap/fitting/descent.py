@@ -9,16 +9,17 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap.fitting.likelihood import downhill, likeliest
 from draglag.gap.fitting.noise import Components, scatter
+from draglag.gap.fitting.rates import FINE_RATES_S_MM, RATES_S_MM
 from draglag.gap.fitting.search import at_best_rates, cost_relative_to
 from draglag.gap.fitting.state import State, stepped, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.traces.run_data import RunData
 from draglag.messages import message
-from draglag.recording import Session
+from draglag.recording import FloatArray, Session
 
 MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03  # a run's own latency and offset while the law is sought
 UNUSABLE = message("Check the calibration and the clocks of this session")
-STEPS, ATTEMPTS = 20, 6
+STEPS, ATTEMPTS = 20, 4
 LEAST_DAMPING = 1e-5  # of the information's diagonal: the valley of two exponentials is a hundred times narrower
 STRONGER, WEAKER = 100.0, 10.0  # factors of the damping after a step that failed, and after one that did not
 PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
@@ -38,16 +39,15 @@ class Search:
     def at(cls, runs: tuple[RunData, ...], state: State, use: np.ndarray, components: Components) -> Search:
         return cls(state, use, components, whitener(scatter(runs, state.placed, use, state.blur_mm), components))
 
-    def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float) -> Search:
+    def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float, rates_s_mm: FloatArray = RATES_S_MM) -> Search:
         """At the likeliest rates of a grid, if better."""
-        state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm)
+        state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm, rates_s_mm)
         return self if state is self.state else Search.at(runs, state, use, self.components)
 
 
 def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
     """Converged search. fixed: edges of a smaller model. Edges and weights follow the law only at first."""
     width_mm = session.screen.width_mm
-    allowed = search.use
     settled = judged = False
     damping = 0.0
     for iteration in range(STEPS):
@@ -55,7 +55,7 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
             search = search.at_best_rates(runs, width_mm)
         if (iteration == 4 and not judged) or settled:
             settled, judged, damping = False, True, 0.0
-            search = _judged(session, runs, search, allowed if fixed else None).at_best_rates(runs, width_mm)
+            search = _judged(session, runs, search, fixed).at_best_rates(runs, width_mm)
         found = _next(search.state, search.white, search.use, runs, width_mm, damping, ENOUGH if judged else ROUGHLY)
         settled = found is None
         if found is None:
@@ -77,12 +77,27 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
     return search
 
 
-def _judged(session: Session, runs: tuple[RunData, ...], search: Search, allowed: np.ndarray | None) -> Search:
-    """Search with its edges and noise as the law found so far shows them. allowed: edges of a smaller model, if any."""
+def at_its_end(runs: tuple[RunData, ...], search: Search, width_mm: float) -> Search:
+    """The search gone on with its edges and noise as they are, from the best rates of a fine grid."""
+    search = search.at_best_rates(runs, width_mm, FINE_RATES_S_MM)
+    damping = 0.0
+    for _ in range(STEPS):
+        found = _next(search.state, search.white, search.use, runs, width_mm, damping, ENOUGH)
+        if found is None:
+            break
+        state, strayed, gained, damping = found
+        if strayed.any():
+            search = Search.at(runs, state, search.use & ~strayed, search.components)
+        else:
+            search = replace(search, state=state)
+        if damping == 0 and gained < ENOUGH:
+            break
+    return search
+
+
+def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
     state = search.state
-    # Of a smaller model's edges, those come back that could not be placed on the way here.
-    placed = allowed & state.placed.ok & np.isfinite(state.residual) if allowed is not None else None
-    use = search.use & usable(state, runs, loose=False) if placed is None else placed
+    use = search.use & (state.placed.ok if fixed else usable(state, runs, loose=False))
     if not use.any():
         raise EstimateError(
             message("{session}: no edge lies where the law predicts it", session=session.name), UNUSABLE

@@ -62,8 +62,7 @@ def judged(
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
         if wanted not in fits:
             found = grown(session, fits, pool, wanted, tried)
-            kept = _nested(fits | found)
-            barred |= set() if wanted in kept else {_unfitted(pool, wanted, kept)}
+            barred |= set() if wanted in found else {_unfitted(pool, wanted, fits | found)}
         elif rivals and most_effects > 0:
             found = _proposed(session, pool, fits, [n for n in rivals if n not in barred], (inside,), tried)
             rivals = ()
@@ -77,7 +76,7 @@ def judged(
             found |= _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside), tried)
             if not found:
                 break
-        fits = _nested(fits | found)
+        fits |= found
         pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool)
     if fits[inside] is not first and not _has_own_form(pool):
         fits = {inside: first}
@@ -86,21 +85,13 @@ def judged(
     return Judgement(pool, fits)
 
 
-def _nested(fits: dict[Names, Fit]) -> dict[Names, Fit]:
-    """Fits as likely as those with fewer of their effects: a larger model cannot be less likely at its best."""
-    return {
-        names: fit
-        for names, fit in fits.items()
-        if not any(set(fewer) < set(names) and _loses(fit, fits[fewer]) for fewer in fits)
-    }
-
-
 def _has_own_form(pool: Pool) -> bool:
     return pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > constants.OWN_FORM
 
 
 def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
-    return max(set(wanted) - set(_largest_in(fits, wanted)), key=lambda name: pool.alone(name))
+    start = max((names for names in fits if set(names) <= set(wanted)), key=len)
+    return max(set(wanted) - set(start), key=lambda name: pool.alone(name))
 
 
 def with_own_form(session: Session, first: Fit) -> Fit:
@@ -138,8 +129,8 @@ def _leading(pool: Pool, wanted: Names) -> Names:
 def grown(
     session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names, tried: set[tuple[Names, str]] | None = None
 ) -> dict[Names, Fit]:
-    """Refits, effects added one by one to the largest fitted subset, of several to the likeliest."""
-    names = _largest_in(fits, wanted)
+    """Refits, effects added one by one to the largest fitted subset."""
+    names = max((names for names in fits if set(names) <= set(wanted)), key=len)
     theta = pool.settings_of(_leading(pool, wanted))
     base = next(iter(fits.values()))
     out: dict[Names, Fit] = {}
@@ -153,14 +144,6 @@ def grown(
         names = tuple(sorted((*names, name)))
         out[names] = fit
     return out
-
-
-def _largest_in(fits: dict[Names, Fit], wanted: Names) -> Names:
-    """The fitted subset with most effects, of several the likeliest."""
-    subsets = [names for names in fits if set(names) <= set(wanted)]
-    largest = [names for names in subsets if len(names) == max(map(len, subsets))]
-    shared = np.logical_and.reduce([fits[names].use for names in largest])
-    return max(largest, key=lambda names: log_likelihood_on(fits[names], shared))
 
 
 def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
