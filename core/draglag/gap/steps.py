@@ -50,7 +50,7 @@ def reported(
     edges = np.logical_and.reduce([link.after.use for link in chain])
     if (answer.unexplained_by or idle) and len(answer.effects) < max_effects:
         chain = _that_explain(chain, edges)
-    last = settled(chain[-1].after)
+    last = settled(chain[-1].after) if len(chain) > 1 else judgement.base
     steps = stream_steps(session, named, judgement.base)
     for link in chain[1:]:
         step = step_of(session, judgement, answer, allowed, link.effect, link.before, link.after, last)

@@ -11,6 +11,7 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap.constants import LEAST_EDGES
 from draglag.gap.fitting.descent import UNUSABLE, Search, at_its_end, descended
+from draglag.gap.fitting.law_form import FlexibleLaw
 from draglag.gap.fitting.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
 from draglag.gap.fitting.model import REFERENCE_MM_S, Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, scatter
@@ -122,8 +123,10 @@ def settled(fit: Fit) -> Fit:
     """The fit at its best point under its own noise, its law moved by what exponentials add at a slow run's speed.
 
     For parameters and their intervals: as searched, it may stand in a valley of amplitude and rate, with the covariance
-    of that place. The fit itself where its edges cannot be placed again.
+    of that place. The fit itself for a law of its own form, or where its edges cannot be placed again.
     """
+    if isinstance(fit.law, FlexibleLaw):
+        return fit
     law = replace(fit.law, reference_mm_s=REFERENCE_MM_S)
     state = linearise(fit.runs, law, fit.geometry, fit.terms, fit.width_mm, None)
     state = linearise(fit.runs, law, fit.geometry, state.terms, fit.width_mm, state)
