@@ -11,7 +11,7 @@ from draglag.errors import EstimateError
 from draglag.gap.by_taps import creep_of
 from draglag.gap.constants import OWN_FORM, SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
-from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on, settled
+from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
 from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.posterior.answer import Answer, answer_of
@@ -50,7 +50,7 @@ def reported(
     edges = np.logical_and.reduce([link.after.use for link in chain])
     if (answer.unexplained_by or idle) and len(answer.effects) < max_effects:
         chain = _that_explain(chain, edges)
-    last = settled(chain[-1].after) if len(chain) > 1 else judgement.base
+    last = chain[-1].after
     steps = stream_steps(session, named, judgement.base)
     for link in chain[1:]:
         step = step_of(session, judgement, answer, allowed, link.effect, link.before, link.after, last)
@@ -59,17 +59,17 @@ def reported(
     unexplained = answer.unexplained_by or idle or _unnamed_in_streams(sessions, strange, judgement.base, allowed)
     if unexplained:
         steps = [next_to_unnamed(step) for step in steps]
-    last_mm, lowest_mm = gap_mm(chain[-1].after, edges), floor_mm(chain[-1].after, edges)
+    last_mm = gap_mm(last, edges)
     if unexplained is None:
         more, last = with_taps(session, judgement, last, steps, allowed, _unknown_form(judgement, last))
         steps += more
-        last_mm = gap_mm(last, edges & last.use) if more else last_mm
+        last_mm = gap_mm(last, edges)
     stated = [answer.probability, *(step.probability for step in steps if not unexplained)]
     return GapReport(
         session.name,
         "unexplained" if unexplained else "explained" if steps else "no_gap",
         tuple(steps),
-        lowest_mm,
+        floor_mm(last, edges),
         steps[0].gap_before_mm if steps and steps[0].covariate != BY_TAPS else last_mm,
         last_mm,
         unexplained,

@@ -162,27 +162,3 @@ def test_an_interval_holds_a_drift_although_runs_scatter_more_than_noise_may(see
     low, high = parameters_of("clock_drift", fit)["drift_ppm"][1]
     assert low < 30 < high
     assert high - low < 15
-
-
-def test_columns_of_the_law_are_its_change_by_a_step() -> None:
-    law = LawParameters(0.09, 4e-3, 0.18, 3e-2, 0.028, 60.0, 80.0)
-    speed = np.geomspace(44, 1200, 30)
-    for k, size in enumerate([1e-5, 1e-4, 1e-5, 1e-4, 1e-5, 1e-3]):
-        step = np.zeros(6)
-        step[k] = size
-        changed_s = law.moved(step)(speed) - law(speed)
-        assert changed_s == pytest.approx(size * law.columns(speed)[:, k], rel=2e-3, abs=1e-9)
-    a_step = law.moved(np.array([0, 1e-5, 0, 0, 0, 0]))
-    assert law.by_step()[:2, 1] == pytest.approx(
-        [(a_step.a1_s - 0.09) / 1e-5, (a_step.a2_s_mm - 4e-3) / 1e-5], rel=1e-4
-    )
-
-
-@pytest.mark.parametrize("seed", [3, 11])
-def test_a_drift_is_not_better_known_than_the_law_that_only_the_slowest_run_shows(seed: int) -> None:
-    """Of five speeds one shows the second exponential: its rate and the drift make up for each other by ±8 ppm."""
-    session = simulate_session("screen-1", load_protocol("quick"), effects=[parse_effect("clock_drift=60")], seed=seed)
-    (step,) = close_gap(session, max_effects=1).steps
-    _, (low, high) = step.parameters["drift_ppm"]
-    assert low < 60 < high
-    assert high - low > 5

@@ -9,13 +9,12 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap.fitting.likelihood import downhill, likeliest
 from draglag.gap.fitting.noise import Components, scatter
-from draglag.gap.fitting.rates import FINE_RATES_S_MM, RATES_S_MM
 from draglag.gap.fitting.search import at_best_rates, cost_relative_to
 from draglag.gap.fitting.state import State, stepped, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.traces.run_data import RunData
 from draglag.messages import message
-from draglag.recording import FloatArray, Session
+from draglag.recording import Session
 
 MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03  # a run's own latency and offset while the law is sought
 UNUSABLE = message("Check the calibration and the clocks of this session")
@@ -39,9 +38,9 @@ class Search:
     def at(cls, runs: tuple[RunData, ...], state: State, use: np.ndarray, components: Components) -> Search:
         return cls(state, use, components, whitener(scatter(runs, state.placed, use, state.blur_mm), components))
 
-    def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float, rates_s_mm: FloatArray = RATES_S_MM) -> Search:
+    def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float) -> Search:
         """At the likeliest rates of a grid, if better."""
-        state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm, rates_s_mm)
+        state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm)
         return self if state is self.state else Search.at(runs, state, use, self.components)
 
 
@@ -74,24 +73,6 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
         if judged and free and gained < ENOUGH:
             break
         settled = not judged and free and gained < ROUGHLY and iteration >= 2
-    return search
-
-
-def at_its_end(runs: tuple[RunData, ...], search: Search, width_mm: float) -> Search:
-    """The search gone on with its edges and noise as they are, from the best rates of a fine grid."""
-    search = search.at_best_rates(runs, width_mm, FINE_RATES_S_MM)
-    damping = 0.0
-    for _ in range(STEPS):
-        found = _next(search.state, search.white, search.use, runs, width_mm, damping, ENOUGH)
-        if found is None:
-            break
-        state, strayed, gained, damping = found
-        if strayed.any():
-            search = Search.at(runs, state, search.use & ~strayed, search.components)
-        else:
-            search = replace(search, state=state)
-        if damping == 0 and gained < ENOUGH:
-            break
     return search
 
 

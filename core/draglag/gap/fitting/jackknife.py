@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
 
 from draglag.gap.fitting.joint import Fit
 from draglag.recording import FloatArray
 
 ALONE = 10.0  # times the variance without a run: it alone knows the number
 LEAST_RUNS = 5  # of a jackknife
-UPPER = 0.975  # quantile at the upper end of a 95 % interval
 
 
 def jackknife_sd(fit: Fit) -> FloatArray:
     """Standard deviation of each linear parameter, (p,) (Efron & Stein 1981); zero with few runs.
 
-    Runs without which it is undefined are skipped. So much larger as few runs know it badly: 1.96 of them are a 95 %
-    interval of Student's t.
+    Runs without which it is undefined are skipped.
     """
     white = fit.white
     a, b = white.apply(fit.design), white.apply(fit.residual_mm)
@@ -30,5 +27,4 @@ def jackknife_sd(fit: Fit) -> FloatArray:
     known = np.diagonal(without, axis1=1, axis2=2) < ALONE * np.diag(spread)
     telling = np.sum(known, axis=0)
     square = np.sum(np.where(known, off, 0.0) ** 2, axis=0) * (telling - 1) / np.maximum(telling, 1)
-    wider = stdtrit(np.maximum(telling - 1, 1), UPPER) / ndtri(UPPER)
-    return np.asarray(np.where(telling >= LEAST_RUNS, wider * np.sqrt(np.maximum(square, 0.0)), 0.0))
+    return np.asarray(np.where(telling >= LEAST_RUNS, np.sqrt(np.maximum(square, 0.0)), 0.0))

@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.constants import LEAST_EDGES
-from draglag.gap.fitting.descent import UNUSABLE, Search, at_its_end, descended
-from draglag.gap.fitting.law_form import FlexibleLaw
+from draglag.gap.fitting.descent import UNUSABLE, Search, descended
 from draglag.gap.fitting.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
-from draglag.gap.fitting.model import REFERENCE_MM_S, Geometry, LawParameters, base_prior, starting_law
+from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, scatter
 from draglag.gap.fitting.search import cost_relative_to
 from draglag.gap.fitting.state import State, Term, linearise, term_signature, usable
@@ -117,24 +115,6 @@ def fit_session(
             search = Search.at(runs, other, use & ~strayed, START)
     search = descended(session, runs, search, start is not None)
     return _concluded(runs, search, start, only, width_mm)
-
-
-def settled(fit: Fit) -> Fit:
-    """The fit at its best point under its own noise, its law moved by what exponentials add at a slow run's speed.
-
-    For parameters and their intervals: as searched, it may stand in a valley of amplitude and rate, with the covariance
-    of that place. The fit itself for a law of its own form, or where its edges cannot be placed again.
-    """
-    if isinstance(fit.law, FlexibleLaw):
-        return fit
-    law = replace(fit.law, reference_mm_s=REFERENCE_MM_S)
-    state = linearise(fit.runs, law, fit.geometry, fit.terms, fit.width_mm, None)
-    state = linearise(fit.runs, law, fit.geometry, state.terms, fit.width_mm, state)
-    use = fit.use & state.placed.ok & np.isfinite(state.residual)
-    if np.count_nonzero(use) < LEAST_EDGES * np.count_nonzero(fit.use):
-        return fit
-    search = at_its_end(fit.runs, Search.at(fit.runs, state, use, fit.white.components), fit.width_mm)
-    return _concluded(fit.runs, search, fit, fit.only, fit.width_mm)
 
 
 def _begun(session: Session, runs: tuple[RunData, ...], law: LawParameters, terms: Sequence[Term]) -> State:

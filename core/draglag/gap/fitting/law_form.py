@@ -75,9 +75,7 @@ def _covariance(one: FloatArray, other: FloatArray) -> FloatArray:
 def flexible(law: LawParameters, knots: tuple[float, ...]) -> FlexibleLaw:
     """Eq. 5 with a remainder of zero."""
     none = (0.0,) * len(knots)
-    return FlexibleLaw(
-        law.a1_s, law.a2_s_mm, law.a4_s, law.a5_s_mm, law.a7_s, knots=knots, remainder_s=none
-    )  # fmt: skip
+    return FlexibleLaw(law.a1_s, law.a2_s_mm, law.a4_s, law.a5_s_mm, law.a7_s, 0.0, knots, none)
 
 
 def _speeds(speed_mm_s: FloatArray) -> FloatArray:

@@ -19,9 +19,6 @@ from draglag.recording import FloatArray
 # Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
 LOG_RATE_SD = 0.7
 AMPLITUDE_SD_S = 0.15
-# At the end a fit is settled by what an exponential adds at this speed, of a slow run: at 0 mm/s, where nothing is
-# recorded, amplitude and rate of one that only slow runs show make up for each other.
-REFERENCE_MM_S = 80.0
 PLATEAU_SD_MM_S = 60.0
 # The share of the latency by which the speed that counts may seem a later one than the edge's: what a hand's tremor and
 # the windows of the speeds leave on sound sessions.
@@ -37,10 +34,7 @@ N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
 
 @dataclass(frozen=True)
 class LawParameters:
-    """Eq. 5 with a3 = a6 = 0. plateau_mm_s: below it L is constant; 0: none.
-
-    reference_mm_s: where amplitudes are moved: a step of one is of what its exponential adds there.
-    """
+    """Eq. 5 with a3 = a6 = 0. plateau_mm_s: below it L is constant; 0: none."""
 
     a1_s: float
     a2_s_mm: float
@@ -48,22 +42,20 @@ class LawParameters:
     a5_s_mm: float
     a7_s: float
     plateau_mm_s: float = 0.0
-    reference_mm_s: float = 0.0
 
     def __call__(self, speed_mm_s: FloatArray) -> FloatArray:
         v = self.counted_mm_s(speed_mm_s)
         return self.a1_s * np.exp(-self.a2_s_mm * v) + self.a4_s * np.exp(-self.a5_s_mm * v) + self.a7_s
 
     def columns(self, speed_mm_s: FloatArray) -> FloatArray:
-        """∂L by a step of (amplitude, ln rate) of each exponential, asymptote[, plateau]; (m, 5 or 6) s."""
+        """∂L/∂(a1, ln a2, a4, ln a5, a7[, plateau]), (m, 5 or 6) s."""
         v, below = self._held(speed_mm_s)
         slow, fast = np.exp(-self.a2_s_mm * v), np.exp(-self.a5_s_mm * v)
-        above = v - self.reference_mm_s
         out = [
-            np.exp(-self.a2_s_mm * above),
-            -self.a1_s * self.a2_s_mm * above * slow,
-            np.exp(-self.a5_s_mm * above),
-            -self.a4_s * self.a5_s_mm * above * fast,
+            slow,
+            -self.a1_s * self.a2_s_mm * v * slow,
+            fast,
+            -self.a4_s * self.a5_s_mm * v * fast,
             np.ones_like(v),
         ]
         if self.plateau_mm_s > 0:
@@ -76,14 +68,6 @@ class LawParameters:
         """Prior standard deviations, as in ``columns``."""
         plateau = (PLATEAU_SD_MM_S,) if self.plateau_mm_s > 0 else ()
         return AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, LOG_RATE_SD, AMPLITUDE_SD_S, *plateau
-
-    def by_step(self) -> FloatArray:
-        """∂(a1, a2, a4, a5, a7[, plateau]) by a step as in ``columns``, (5 or 6, same)."""
-        out = np.eye(6 if self.plateau_mm_s > 0 else 5)
-        for at, a_s, rate in ((0, self.a1_s, self.a2_s_mm), (2, self.a4_s, self.a5_s_mm)):
-            out[at, at] = np.exp(rate * self.reference_mm_s)
-            out[at, at + 1], out[at + 1, at + 1] = a_s * rate * self.reference_mm_s, rate
-        return out
 
     def counted_mm_s(self, speed_mm_s: FloatArray) -> FloatArray:
         """The speed, at least the plateau's."""
@@ -107,21 +91,20 @@ class LawParameters:
 
     def moved(self, step: FloatArray) -> Self:
         """Law after a step as in ``columns``."""
-        a1_s, a2_s_mm = self._exponential(self.a1_s, self.a2_s_mm, step[0], step[1])
-        a4_s, a5_s_mm = self._exponential(self.a4_s, self.a5_s_mm, step[2], step[3])
-        moved = replace(self, a1_s=a1_s, a2_s_mm=a2_s_mm, a4_s=a4_s, a5_s_mm=a5_s_mm, a7_s=self.a7_s + step[4])
+        limited = np.clip(step[[1, 3]], -0.7, 0.7)
+        moved = replace(
+            self,
+            a1_s=max(self.a1_s + step[0], LEAST_AMPLITUDE_S),
+            a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(limited[0]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
+            a4_s=max(self.a4_s + step[2], LEAST_AMPLITUDE_S),
+            a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
+            a7_s=self.a7_s + step[4],
+        )
         if self.plateau_mm_s > 0:
             moved = replace(
                 moved, plateau_mm_s=float(np.clip(self.plateau_mm_s + np.clip(step[5], -25, 25), *PLATEAUS_MM_S))
             )
         return moved
-
-    def _exponential(self, a_s: float, rate_s_mm: float, more_s: float, of_ln_rate: float) -> tuple[float, float]:
-        """Amplitude and rate after a step."""
-        there_s = a_s * np.exp(-rate_s_mm * self.reference_mm_s) + more_s
-        moved_s_mm = rate_s_mm * np.exp(np.clip(of_ln_rate, -0.7, 0.7))
-        rate = float(np.clip(moved_s_mm, LEAST_RATE_S_MM, MOST_RATE_S_MM))
-        return max(float(there_s * np.exp(rate * self.reference_mm_s)), LEAST_AMPLITUDE_S), rate
 
 
 def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:

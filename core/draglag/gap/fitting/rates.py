@@ -13,7 +13,6 @@ from draglag.gap.fitting.whitening import Whitener
 from draglag.recording import FloatArray
 
 RATES_S_MM = np.geomspace(0.001, 0.06, 12)
-FINE_RATES_S_MM = np.geomspace(0.001, 0.06, 120)  # 3.5 % apart: within a valley of rates
 PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one
 
 
@@ -87,10 +86,8 @@ def pairs_at(white_system: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArr
     return Pairs(i, j, sizes, gain, float(alone.max()), cross)
 
 
-def best_rates(
-    state: State, white: Whitener, use: np.ndarray, rates_s_mm: FloatArray = RATES_S_MM
-) -> tuple[LawParameters, FloatArray] | None:
-    """Likeliest law of a grid of rates and step (p,) of all else, if any."""
+def best_rates(state: State, white: Whitener, use: np.ndarray) -> tuple[LawParameters, FloatArray] | None:
+    """Likeliest law of the grid and step (p,) of all else, if any."""
     law = state.law
     n_law = 6 if law.plateau_mm_s > 0 else 5
     v_n = state.placed.v_mm_s[use, 1] * state.placed.stretch[use]
@@ -98,13 +95,13 @@ def best_rates(
     white_system = without_law(law, state.placed.speed_mm_s[use], v_n, state.residual[use], rest, prior, white)
     best: tuple[float, LawParameters, FloatArray] | None = None
     for plateau in [s * law.plateau_mm_s for s in PLATEAUS] if law.plateau_mm_s > 0 else [0.0]:
-        found = pairs_at(white_system, plateau, rates_s_mm)
+        found = pairs_at(white_system, plateau, RATES_S_MM)
         k = int(np.argmax(found.gain))
         if not np.isfinite(found.gain[k]) or (best is not None and found.gain[k] <= best[0]):
             continue
         i, j, (slow, fast) = found.first[k], found.second[k], found.sizes[k]
         left = white_system.spread @ (white_system.moment - found.cross[:, [i, j]] @ found.sizes[k])
-        rates = float(rates_s_mm[i]), float(rates_s_mm[j])
-        new = LawParameters(float(slow), rates[0], float(fast), rates[1], float(left[0]), plateau, law.reference_mm_s)
+        rates = float(RATES_S_MM[i]), float(RATES_S_MM[j])
+        new = LawParameters(float(slow), rates[0], float(fast), rates[1], float(left[0]), plateau)
         best = float(found.gain[k]), new, np.concatenate([np.zeros(n_law), left[1:]])
     return None if best is None else best[1:]

@@ -8,11 +8,10 @@ import numpy as np
 
 from draglag.gap.fitting.law_form import FlexibleLaw
 from draglag.gap.fitting.likelihood import cost_without_nuisances
-from draglag.gap.fitting.rates import RATES_S_MM, best_rates
+from draglag.gap.fitting.rates import best_rates
 from draglag.gap.fitting.state import State, stepped
 from draglag.gap.fitting.whitening import Whitener
 from draglag.gap.traces.run_data import RunData
-from draglag.recording import FloatArray
 
 MAY_STRAY = 0.1  # of the edges
 
@@ -29,17 +28,12 @@ def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarr
 
 
 def at_best_rates(
-    state: State,
-    white: Whitener,
-    use: np.ndarray,
-    runs: tuple[RunData, ...],
-    width: float,
-    rates_s_mm: FloatArray = RATES_S_MM,
+    state: State, white: Whitener, use: np.ndarray, runs: tuple[RunData, ...], width: float
 ) -> tuple[State, np.ndarray]:
     """State and edges at the best rates, if likelier; unchanged for a ``FlexibleLaw``."""
     if isinstance(state.law, FlexibleLaw):
         return state, use
-    found = best_rates(state, white, use, rates_s_mm)
+    found = best_rates(state, white, use)
     if found is None:
         return state, use
     there = stepped(state, found[1], runs, width, found[0])

@@ -31,9 +31,9 @@ def law_of_fit(fit: Fit) -> CurveFit:
         "a1_ms": 1e3 * law.a1_s, "a2_s_per_mm": law.a2_s_mm, "a4_ms": 1e3 * law.a4_s, "a5_s_per_mm": law.a5_s_mm,
         "a7_ms": 1e3 * law.a7_s, "plateau_mm_s": law.plateau_mm_s,
     }  # fmt: skip
-    to_units = np.diag([1e3, 1.0, 1e3, 1.0, 1e3, 1.0][: 6 if plateau else 5]) @ law.by_step()
-    own = slice(0, to_units.shape[0])
-    covariance = to_units @ fit.covariance[own, own] @ to_units.T
+    # The fit moves rates by their logarithm and amplitudes in seconds.
+    scale = np.array([1e3, law.a2_s_mm, 1e3, law.a5_s_mm, 1e3, 1.0][: 6 if plateau else 5])
+    covariance = fit.covariance[: scale.size, : scale.size] * np.outer(scale, scale)
     order = [list(values).index(name) for name in form.names]
     added_s = fit.placed.latency_s - fit.law(fit.placed.speed_mm_s) + _undone_s(fit)  # by effects
     points = [
