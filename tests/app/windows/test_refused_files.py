@@ -93,22 +93,21 @@ def refused(qapp: QApplication):
     use_language(qapp, "en")
 
 
-@pytest.mark.parametrize(("old", "new", "english", "dutch"), IN_PROTOCOL)
-def test_a_protocol(refused, tmp_path: Path, old: str, new: str, english: str, dutch: str) -> None:
-    path = tmp_path / "p.toml"
-    path.write_text(PROTOCOL)
-    load_protocol(path)
-    path.write_text(PROTOCOL.replace(old, new))
-    refused(load_protocol, path, english, dutch)
-
-
-@pytest.mark.parametrize(("old", "new", "english", "dutch"), IN_SCREEN)
-def test_a_screen(refused, tmp_path: Path, old: str, new: str, english: str, dutch: str) -> None:
-    path = tmp_path / "s.toml"
-    path.write_text(SCREEN)
-    load_screen_file(path)
-    path.write_text(SCREEN.replace(old, new))
-    refused(load_screen_file, path, english, dutch)
+@pytest.mark.parametrize(
+    ("load", "sound", "old", "new", "english", "dutch"),
+    [
+        *((load_protocol, PROTOCOL, *one) for one in IN_PROTOCOL),
+        *((load_screen_file, SCREEN, *one) for one in IN_SCREEN),
+    ],
+)
+def test_a_protocol_or_screen(
+    refused, tmp_path: Path, load, sound: str, old: str, new: str, english: str, dutch: str
+) -> None:
+    path = tmp_path / "file.toml"
+    path.write_text(sound)
+    load(path)
+    path.write_text(sound.replace(old, new))
+    refused(load, path, english, dutch)
 
 
 @pytest.mark.parametrize(("change", "english", "dutch"), IN_HEADER)
