@@ -72,7 +72,7 @@ def write_gap_report(
     again, unsimulated = _simulated(session, report, progress)
     source = source_of(session)
     body = [f"<h1>Gap between simulation and measurement: {escape(report.session)}</h1>"]
-    body.append(f"<p>{escape(source.line())}</p>")
+    body.append(f"<p>{escape(source.line())} · stylus {session.stylus.diameter_mm:g} mm</p>")
     body += _said(session, report)
     body.append(_table(report))
     if provisional is not None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import to_hex
 
+from draglag.analysis import with_stylus
 from draglag.drawing import style
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
@@ -97,6 +98,13 @@ def test_the_page_draws_the_provisional_term_that_it_reports(tmp_path: Path) -> 
         steps = re.findall(r"<svg.*?</svg>", text, re.DOTALL)[0]
         assert ("Provisional term unnamed:session_time" in text) is (unnamed is not None)
         assert ("<pattern" in steps) is (unnamed is not None)  # what a hatched area is filled with
+
+
+def test_the_page_states_the_diameter_that_it_was_judged_with(tmp_path: Path) -> None:
+    session = read_exchange(SAMPLE)
+    session = with_stylus(replace(session, runs=session.runs[:5]), 8.25)
+    page = write_gap_report(session, close_gap(session, max_effects=0), tmp_path / "gap.html").read_text("utf-8")
+    assert 'stylus <span class="number">8.25 mm</span>' in page
 
 
 def test_the_page_breaks_no_line_between_a_number_and_its_unit_or_within_a_p_value(tmp_path: Path) -> None:
