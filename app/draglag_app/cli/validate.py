@@ -61,7 +61,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
 
     model = load_model(model_path)
     warn(left_unexplained(model))
-    whole, excluded = kept_runs(load_session(session))
+    whole, excluded, _ = kept_runs(load_session(session))
     warn(*(f"{run} is excluded: {why}" for run, why in excluded.items()))
     data, correction = corrected(whole, model)
     elsewhere = other_screen(model, data.screen.name)

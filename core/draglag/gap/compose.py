@@ -26,7 +26,7 @@ from draglag.gap.session_check import times_out_of_order
 from draglag.gap.steps import deviance_gained, step_of
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
-from draglag.gap.traces.run_data import gather
+from draglag.gap.traces.run_data import SEARCHED_S, gather
 from draglag.latency.conduct import kept_runs
 from draglag.messages import message
 from draglag.recording import Session
@@ -171,7 +171,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
     Raises EstimateError if the session cannot carry the model.
     """
     model = model or Model()
-    session, _ = kept_runs(session)
+    session, _, estimates = kept_runs(session, window_s=SEARCHED_S)
     start = model.fit if model.of == _of(session) else None
     disorder = times_out_of_order(session)
     if disorder:
@@ -184,7 +184,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
         streams = tuple(s for s in in_streams if s.effect not in model.effects)
         ready = _without_held(repaired if repairs else session, model.held)
         if start is None or any(map(shown_by_streams, model.effects[-1:])) or model.held:
-            start = fit_session(ready, gather(ready))
+            start = fit_session(ready, gather(ready, estimates))
         fit = start
         unsure = any(effect_class(s.effect).uneven_ages and not (s.undone and repairs) for s in in_streams)
         fitted = [column_of(effect) for effect in model.effects if not shown_by_streams(effect)]

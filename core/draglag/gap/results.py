@@ -131,7 +131,7 @@ class Tolerated:
 
 @dataclass(frozen=True)
 class NoisePart:
-    """Part of the noise: ``touch`` or a level of ``posterior.levels``; size_mm: RMS over edges."""
+    """Part of the noise: ``touch`` or of ``fitting.noise.Components``; size_mm: RMS over edges."""
 
     name: str
     level: float

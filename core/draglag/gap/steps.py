@@ -96,7 +96,7 @@ def noise_parts(judgement: Judgement) -> tuple[NoisePart, ...]:
     found = judgement.pool.found[judgement.pool.best]
     search = found.search
     levels = search.levels[int(np.argmax(log_evidence(search, found.explanation)))]
-    sizes_mm = search.linear.noise.rms_mm(levels)
+    sizes_mm = search.linear.parts.rms_mm(levels)
     parts = [NoisePart(name, float(getattr(levels, name, 0.0)), size_mm) for name, size_mm in sizes_mm.items()]
     return tuple(sorted((one for one in parts if one.size_mm), key=lambda one: -one.size_mm))
 

@@ -17,8 +17,8 @@ from draglag.gap.results import GapReport
 from draglag.gap.session_check import what_is_missing
 from draglag.gap.steps import reported
 from draglag.gap.streams.evidence import inspect
-from draglag.gap.traces.run_data import gather
-from draglag.latency.conduct import kept_runs
+from draglag.gap.traces.run_data import SEARCHED_S, gather
+from draglag.latency.conduct import Estimates, kept_runs
 from draglag.messages import message
 from draglag.provenance import is_simulated
 from draglag.recording import Session
@@ -47,12 +47,14 @@ def close_gap(
     Raises DataError for an unknown candidate.
     """
     allowed = known_effects(candidates)
-    session, excluded = kept_runs(session, include)
-    report = _closed(session, max_effects, allowed, progress or (lambda fraction, text: None))
+    session, excluded, estimates = kept_runs(session, include, SEARCHED_S)
+    report = _closed(session, estimates, max_effects, allowed, progress or (lambda fraction, text: None))
     return replace(report, excluded=excluded, simulated=is_simulated(session.devices))
 
 
-def _closed(session: Session, max_effects: int, allowed: frozenset[str], progress: Progress) -> GapReport:
+def _closed(
+    session: Session, estimates: Estimates, max_effects: int, allowed: frozenset[str], progress: Progress
+) -> GapReport:
     missing = what_is_missing(session)
     if missing:
         return GapReport(session.name, None, missing=missing)
@@ -62,7 +64,7 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
     strange = tuple(item for item in in_streams if item.effect not in allowed)
     progress(0.15, "fitting the present model")
     try:
-        ready, first = _first_fit(whole if named else session, whole)
+        ready, first = _first_fit(whole if named else session, whole, estimates)
     except NO_FIT as problem:
         why = problem.message if isinstance(problem, EstimateError) else UNFITTED
         return GapReport(session.name, None, missing=(why,))
@@ -79,10 +81,10 @@ def _closed(session: Session, max_effects: int, allowed: frozenset[str], progres
     return replace(report, not_seen=not_shown(session, last))
 
 
-def _first_fit(ready: Session, whole: Session) -> tuple[Session, Fit]:
+def _first_fit(ready: Session, whole: Session, estimates: Estimates) -> tuple[Session, Fit]:
     """The session is repaired if it cannot be fitted as given."""
     try:
-        return ready, fit_session(ready, gather(ready))
+        return ready, fit_session(ready, gather(ready, estimates))
     except NO_FIT:
         if whole is ready:
             raise

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate
+from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, RunEstimate
 from draglag.latency.run import estimate_run
 from draglag.recording import FloatArray, Run, Session
 
@@ -22,6 +22,7 @@ FEWEST_PASSES = 0.5
 NOTICEABLY, FAR = 1.25, 2.0
 # Second half over first half of a run: a mean over two speeds is no point of a curve that bends.
 CHANGED = 1.5
+Estimates = tuple[tuple[Run, RunEstimate], ...]
 EXCLUDED = (
     "aborted", "device_lost", "failed", PRACTICE, STANDSTILL, "laser_missing", "far_from_nominal", "speed_changed"
 )  # fmt: skip
@@ -96,14 +97,16 @@ def recorded_again(runs: Sequence[Run], estimates: Iterable[RunEstimate], exclud
     return found
 
 
-def kept_runs(session: Session, include: Collection[str] = ()) -> tuple[Session, dict[str, str]]:
-    """The session without the runs to leave out; run id → reason."""
+def kept_runs(
+    session: Session, include: Collection[str] = (), window_s: tuple[float, float] = WINDOW_S
+) -> tuple[Session, dict[str, str], Estimates]:
+    """The session without the runs to leave out; run id → reason; the runs' estimates."""
     steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
-    estimates = [with_conduct(estimate_run(run, session.stylus.diameter_mm), run) for run in steady]
-    excluded = why_excluded(session.runs, estimates, include)
-    if not excluded:
-        return session, {}
-    return replace(session, runs=tuple(run for run in session.runs if run.id not in excluded)), excluded
+    estimates = tuple((run, estimate_run(run, session.stylus.diameter_mm, window_s=window_s)) for run in steady)
+    excluded = why_excluded(session.runs, (with_conduct(one, run) for run, one in estimates), include)
+    if excluded:
+        session = replace(session, runs=tuple(run for run in session.runs if run.id not in excluded))
+    return session, excluded, estimates
 
 
 def _outcome(run: Run) -> list[str]:

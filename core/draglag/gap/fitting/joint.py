@@ -25,7 +25,6 @@ from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Averaged, View
 
 FIXED = 1e9  # precision of a parameter at its bound
-START = Components(0.05, 0.01, 1.0, 0.1, 0.0003, 0.03)
 
 
 @dataclass(frozen=True)
@@ -108,11 +107,11 @@ def fit_session(
     use = use if only is None else use & only
     if not use.any():
         raise EstimateError(message("{session}: no edge can be placed on the trace", session=session.name), UNUSABLE)
-    search = Search.at(runs, states[0], use, START)
+    search = Search.at(runs, states[0], use, Components())
     for other in states[1:]:
         cost, strayed = cost_relative_to(search.white, other, search.state, use)
         if cost < cost_without_nuisances(search.white, search.state, use):
-            search = Search.at(runs, other, use & ~strayed, START)
+            search = Search.at(runs, other, use & ~strayed, Components())
     search = descended(session, runs, search, start is not None)
     return _concluded(runs, search, start, only, width_mm)
 
@@ -181,7 +180,7 @@ def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParam
         state = linearise(before.runs, law, before.geometry, terms, before.width_mm, None)
         state = linearise(before.runs, law, before.geometry, state.terms, before.width_mm, state)
         use = before.use & state.placed.ok & np.isfinite(state.residual)
-        white = whitener(scatter(before.runs, state.placed, use, state.blur_mm), START)
+        white = whitener(scatter(before.runs, state.placed, use, state.blur_mm), Components())
         value, _ = profile(white, state.residual[use], state.design[use], state.prior)
         values.append(value / max(int(use.sum()), 1))
     return options[int(np.argmax(values))]

@@ -11,7 +11,7 @@ import numpy as np
 from draglag.gap.fitting.model import N_NUISANCES, base_prior
 from draglag.gap.fitting.noise import LOCAL, Components, Scatter
 from draglag.gap.fitting.state import State
-from draglag.gap.fitting.whitening import WhitenedColumns, Whitener, whitened_columns
+from draglag.gap.fitting.whitening import Whitener, inner_products
 from draglag.recording import FloatArray
 
 HUBER_K = 4.0  # standard deviations: Huber's corner
@@ -30,18 +30,11 @@ def likelihoods(
     parts: Scatter, residual: FloatArray, design: FloatArray, prior: FloatArray
 ) -> Callable[[Components], float]:
     """Profile log-likelihood as a function of the components."""
-    both = np.column_stack([design, residual])
-
-    @cache
-    def banded(edge_mm: float, speed: float, tremor_mm_s: float) -> tuple[WhitenedColumns, FloatArray]:
-        through = whitened_columns(parts, Components(edge_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0), both)
-        return through, through.columns.T @ through.columns
+    products = inner_products(parts, np.column_stack([design, residual]))
 
     @cache
     def value(components: Components) -> float:
-        through, whole = banded(components.edge_mm, components.speed, components.tremor_mm_s)
-        common, log_det = through.common(components)
-        inner = whole - common.T @ common
+        inner, log_det = products(components)
         moment = inner[:-1, -1]
         spread = np.linalg.pinv(inner[:-1, :-1] + np.diag(prior), hermitian=True)
         return -0.5 * float(inner[-1, -1] - moment @ spread @ moment) - 0.5 * log_det

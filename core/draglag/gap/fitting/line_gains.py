@@ -19,10 +19,10 @@ def line_gains(fit: Fit, parts: Scatter) -> LineGains:
     left = fit.residual_mm - fit.design @ np.linalg.lstsq(design, target, rcond=None)[0]
 
     def gains(columns: FloatArray) -> FloatArray:
-        through = whitened_columns(parts, white.components, np.column_stack([columns, left]))
-        x, common = through.columns, through.common(white.components)[0]
-        moment = (x.T @ x[:, -1] - common.T @ common[:, -1])[:-1].reshape(-1, 2)
-        size = (np.sum(x**2, axis=0) - np.sum(common**2, axis=0))[:-1].reshape(-1, 2)
+        x, common = whitened_columns(parts, white.components, np.column_stack([columns, left]))
+        taken = common.rows(white.components)[0]
+        moment = (x.T @ x[:, -1] - taken.T @ taken[:, -1])[:-1].reshape(-1, 2)
+        size = (np.sum(x**2, axis=0) - np.sum(taken**2, axis=0))[:-1].reshape(-1, 2)
         return np.asarray(np.sum(moment**2 / np.maximum(size, 1e-12), axis=1), float)
 
     return gains

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 
+from draglag.gap.constants import MEMORY_S, NUGGET_MM2
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
 from draglag.path.motion import SPEED_TIMING_S
@@ -32,15 +34,21 @@ class Components:
     """Standard deviations beyond touch noise.
 
     speed: relative error of the law's speed; tremor_mm_s: absolute. uneven: relative error of following changes of
-    speed.
+    speed. run_s, run_mm: latency and offset of a run. late_s, wander_s: lateness of single reports, and one that
+    wanders.
     """
 
-    edge_mm: float
-    speed: float
-    tremor_mm_s: float
-    uneven: float
-    run_s: float
-    run_mm: float
+    edge_mm: float = 0.05
+    speed: float = 0.01
+    tremor_mm_s: float = 2.0
+    uneven: float = 0.1
+    run_s: float = 0.0003
+    run_mm: float = 0.02
+    late_s: float = 0.0
+    wander_s: float = 0.0
+
+    def at(self, **changed: float) -> Components:
+        return replace(self, **changed)
 
 
 LOCAL: tuple[tuple[Sizes, ...], ...] = (  # kinds that trade places are sought together
@@ -53,11 +61,35 @@ BETWEEN = tuple(product(RUN_S, RUN_MM))
 
 
 @dataclass(frozen=True)
+class Near:
+    """Pairs of edges of one run within a memory's reach. later (b, m): edge i + j; apart_s (b, m): ∞ if none."""
+
+    later: IntArray
+    apart_s: FloatArray
+
+    @classmethod
+    def within(cls, memory_s: float, t_s: FloatArray, run: IntArray) -> Near:
+        reach_s = MEMORIES * memory_s
+        in_order = t_s + run * ((np.ptp(t_s) if t_s.size else 0.0) + 2 * reach_s)
+        last = np.searchsorted(in_order, in_order + reach_s, side="right")
+        reach = int(np.max(last - np.arange(run.size), initial=1))
+        later = np.arange(reach)[:, None] + np.arange(run.size)
+        inside = later < run.size
+        later = np.minimum(later, run.size - 1)
+        inside &= run[later] == run
+        return cls(later, np.where(inside, t_s[later] - t_s, np.inf))
+
+    def band(self, values: FloatArray, fades: FloatArray) -> FloatArray:
+        """Products of two edges' values, (b, m), that fade with the time between them."""
+        return np.asarray(values[self.later] * values * fades)
+
+
+@dataclass(frozen=True)
 class Scatter:
     """Covariance of used edges (m,) per unit component; bands (b, m): row j holds edges i and i + j of one run.
 
-    fixed_mm2: touch noise, time of the speed, acceleration. late_mm_s, uneven_mm: (m,) by the run's latency and uneven
-    following. loose_s: (runs,) misfit allowed to runs of changing speed.
+    fixed_mm2: touch noise, time of the speed, acceleration. late_mm_s, uneven_mm: (m,) by latency and uneven following.
+    loose_s: (runs,) misfit allowed to runs of changing speed. t_s: (m,) of edges.
     """
 
     fixed_mm2: FloatArray
@@ -67,17 +99,38 @@ class Scatter:
     uneven_mm: FloatArray
     run: IntArray
     loose_s: FloatArray
+    t_s: FloatArray
+
+    @cached_property
+    def wander_mm2_s2(self) -> FloatArray:
+        """Band by a lateness that wanders."""
+        near = Near.within(MEMORY_S, self.t_s, self.run)
+        return near.band(self.late_mm_s, np.exp(-near.apart_s / MEMORY_S))
+
+    def rms_mm(self, components: Components) -> dict[str, float]:
+        """Part (``touch`` or of ``Components``) → RMS over edges."""
+        one, late = np.ones(self.run.size), self.late_mm_s**2
+        unit = {
+            "edge_mm": one,
+            "speed": self.speed_mm2[0],
+            "tremor_mm_s": self.tremor_s2[0],
+            "uneven": self.uneven_mm**2,
+            "run_s": late,
+            "run_mm": one,
+            "late_s": late,
+            "wander_s": late,
+        }
+        squares = {name: getattr(components, name) ** 2 * values for name, values in unit.items()}
+        return {name: float(np.sqrt(np.mean(mm2))) for name, mm2 in ({"touch": self.fixed_mm2[0]} | squares).items()}
 
 
 def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm: FloatArray) -> Scatter:
     """Scatter of the used edges. blur_mm: (all placed) error by effects of the acceleration."""
     run, t_s = placed.run[use], placed.t_s[use]
-    m = run.size
     late_mm_s = placed.v_mm_s[use, 1]
     follows = late_mm_s * placed.stretch[use] * placed.slope_s2_mm[use]
     speed = placed.speed_mm_s[use]
-    uneven_mm, loose_s = np.zeros(m), np.zeros(len(runs))
-    reach = 1
+    uneven_mm, loose_s = np.zeros(run.size), np.zeros(len(runs))
     for k, data in enumerate(runs):
         own = run == k
         if not own.any():
@@ -85,24 +138,14 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
         uneven_mm[own] = follows[own] * (speed[own] - speed[own].mean())
         if not data.steady:
             loose_s[k] = UNSTEADY * float(np.std(placed.latency_s[use][own]))
-        within = np.searchsorted(t_s[own], t_s[own] + MEMORIES * SPEED_MEMORY_S, side="right")
-        reach = max(reach, int(np.max(within - np.arange(within.size))))
-    later = np.arange(reach)[:, None] + np.arange(m)
-    inside = later < m
-    later = np.minimum(later, m - 1)
-    inside &= run[later] == run
-    apart_s = np.where(inside, t_s[later] - t_s, np.inf)
-
-    def band(values: FloatArray, fades: FloatArray) -> FloatArray:
-        return np.asarray(values[later] * values * fades)
-
-    fixed = placed.touch_noise.band_mm2(use, reach)
-    fixed[0] += timing_mm(placed)[use] ** 2 + 1e-6
+    near = Near.within(SPEED_MEMORY_S, t_s, run)
+    fixed = placed.touch_noise.band_mm2(use, near.later.shape[0])
+    fixed[0] += timing_mm(placed)[use] ** 2 + NUGGET_MM2
     if blur_mm[use].any():
-        fixed += band(blur_mm[use], np.exp(-apart_s / ACCEL_MEMORY_S))
-    fades = np.exp(-apart_s / SPEED_MEMORY_S)
-    share, tremor = band(follows * speed, fades), band(follows, fades)
-    return Scatter(fixed, share, tremor, late_mm_s, uneven_mm, run, loose_s)
+        fixed += near.band(blur_mm[use], np.exp(-near.apart_s / ACCEL_MEMORY_S))
+    fades = np.exp(-near.apart_s / SPEED_MEMORY_S)
+    share, tremor = near.band(follows * speed, fades), near.band(follows, fades)
+    return Scatter(fixed, share, tremor, late_mm_s, uneven_mm, run, loose_s, t_s)
 
 
 def timing_mm(placed: Placed) -> FloatArray:

@@ -190,8 +190,11 @@ def _not_far(residual: FloatArray, sd: FloatArray, placed: Placed, use: np.ndarr
         # An edge that alone has a level of its own has leverage 1: what it leaves is little, wherever it lies, and
         # others are judged without it.
         alone = (leverage > ALL_BUT_ITS_OWN) & (left > most)
-        keep[own[alone]] = False
-        keep[own[~alone][_residual_after_levels(z[~alone], design[~alone])[0] > most]] = False
+        if alone.any():
+            keep[own[alone]] = False
+            own = own[~alone]
+            left = _residual_after_levels(z[~alone], design[~alone])[0]
+        keep[own[left > most]] = False
     return keep
 
 

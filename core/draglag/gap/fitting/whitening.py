@@ -5,7 +5,9 @@ C = B + U Uᵀ, B = L Lᵀ banded. With Ũ = L⁻¹ U, the Cholesky factor of C 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -80,29 +82,55 @@ def whitener(parts: Scatter, components: Components) -> Whitener:
     return Whitener(components, variance, factor, common, lead, step, begin, log_det)
 
 
+Products = Callable[[Components], tuple[FloatArray, float]]
+
+
+def inner_products(parts: Scatter, columns: FloatArray) -> Products:
+    """Function of the components: inner products xᵀ C⁻¹ y of all columns (m, k), (k, k), and ln |C|.
+
+    Raises numpy.linalg.LinAlgError if C is not positive definite.
+    """
+
+    @cache
+    def banded(edge_mm: float, speed: float, tremor_mm_s: float, late_s: float, wander_s: float):  # type: ignore[no-untyped-def]
+        local = Components(edge_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0, late_s, wander_s)
+        white, common = whitened_columns(parts, local, columns)
+        return white.T @ white, common
+
+    def products(components: Components) -> tuple[FloatArray, float]:
+        c = components
+        whole, common = banded(c.edge_mm, c.speed, c.tremor_mm_s, c.late_s, c.wander_s)
+        rows, log_det = common.rows(components)
+        return whole - rows.T @ rows, log_det
+
+    return products
+
+
 @dataclass(frozen=True)
-class WhitenedColumns:
-    """Inner products xᵀ C⁻¹ y: those of ``columns`` (m, k), whitened by B, less those of ``common`` (Woodbury).
+class Common:
+    """What the runs' common parts take from inner products (Woodbury). log_det: ln |B|.
 
     cross (runs, 3, k), own (runs, 3, 3): products of a run's common part.
     """
 
     parts: Scatter
-    columns: FloatArray
     log_det: float
     cross: FloatArray
     own: FloatArray
 
-    def common(self, components: Components) -> tuple[FloatArray, float]:
+    def rows(self, components: Components) -> tuple[FloatArray, float]:
         """Rows (3 runs, k) whose inner products are subtracted, and ln |C|."""
         size = _sizes(self.parts, components)[:, :, None]
         root = np.linalg.cholesky(np.eye(3) + size * self.own * np.swapaxes(size, 1, 2))
-        rows = np.linalg.solve(root, size * self.cross).reshape(-1, self.columns.shape[1])
+        rows = np.linalg.solve(root, size * self.cross).reshape(-1, self.cross.shape[2])
         return rows, self.log_det + 2 * float(np.sum(np.log(np.diagonal(root, axis1=1, axis2=2))))
 
 
-def whitened_columns(parts: Scatter, components: Components, columns: FloatArray) -> WhitenedColumns:
-    """Columns whitened by a scatter's banded part. Raises numpy.linalg.LinAlgError if it is not positive definite."""
+def whitened_columns(parts: Scatter, components: Components, columns: FloatArray) -> tuple[FloatArray, Common]:
+    """Columns (m, k) whitened by a scatter's banded part B, and what is still to be subtracted.
+
+    Raises numpy.linalg.LinAlgError if B is not positive definite.
+    """
     factor, through = _banded(parts, components), np.column_stack([_common(parts), columns])
     if through.size:
         factor = _factor(factor)
@@ -111,17 +139,20 @@ def whitened_columns(parts: Scatter, components: Components, columns: FloatArray
     begins = np.flatnonzero(np.diff(parts.run, prepend=-1))
     for own in (slice(*ends) for ends in pairwise([*begins, parts.run.size])):
         inner[parts.run[own.start]] = through[own, :3].T @ through[own]
-    return WhitenedColumns(
-        parts, through[:, 3:], 2 * float(np.sum(np.log(factor[0]))), inner[:, :, 3:], inner[:, :, :3]
-    )
+    log_det = 2 * float(np.sum(np.log(factor[0])))
+    return through[:, 3:], Common(parts, log_det, inner[:, :, 3:], inner[:, :, :3])
 
 
 def _banded(parts: Scatter, components: Components) -> FloatArray:
     """B (b, m)."""
     banded = parts.fixed_mm2 + components.speed**2 * parts.speed_mm2
     banded += components.tremor_mm_s**2 * parts.tremor_s2
-    banded[0] += components.edge_mm**2
-    return np.asarray(banded)
+    banded[0] += components.edge_mm**2 + components.late_s**2 * parts.late_mm_s**2
+    if not components.wander_s:
+        return np.asarray(banded)
+    wander = components.wander_s**2 * parts.wander_mm2_s2
+    wander[: banded.shape[0]] += banded
+    return np.asarray(wander)
 
 
 def _factor(banded: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ from scipy.linalg import solve_triangular
 
 from draglag.gap import constants
 from draglag.gap.fitting.law_form import LAW_FORM, basis
+from draglag.gap.fitting.whitening import inner_products
 from draglag.gap.posterior.linear import Linear, Normal
 from draglag.recording import FloatArray
 
@@ -18,15 +19,13 @@ def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scal
     names = [linear.members[i].name for i in members]
     which = names.index(LAW_FORM)
     parts = [linear.columns[:, linear.at[i]] * s for i, s in zip(members, scales_mm, strict=True)]
-    data = np.column_stack([linear.base, *parts, linear.residual_mm])
-    white, _ = linear.noise.whitened(levels.levels, data)
-    a, b = white[:, :-1], white[:, -1]
+    inner, _ = inner_products(linear.parts, np.column_stack([linear.base, *parts, linear.residual_mm]))(levels.levels)
     precision = np.append(linear.precision, np.ones(sum(p.shape[1] for p in parts)))
-    information = a.T @ a
+    information, moment = inner[:-1, :-1].copy(), inner[:-1, -1]
     information[np.diag_indices_from(information)] += precision
     scale = 1 / np.sqrt(np.diag(information))
     root = np.linalg.cholesky(information * np.outer(scale, scale))
-    mean = scale * solve_triangular(root.T, solve_triangular(root, scale * (a.T @ b), lower=True))
+    mean = scale * solve_triangular(root.T, solve_triangular(root, scale * moment, lower=True))
     noise = np.random.default_rng(SEED).standard_normal((mean.size, DRAWS))
     draws = mean[:, None] + scale[:, None] * solve_triangular(root.T, noise)
     begin = linear.base.shape[1] + sum(p.shape[1] for p in parts[:which])

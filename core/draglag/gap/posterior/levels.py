@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
 from draglag.gap import constants
+from draglag.gap.fitting.noise import Components
 
 
 @dataclass(frozen=True)
@@ -42,35 +42,19 @@ UNSURE_AGE_SD_S = 0.002
 """Prior standard deviation of both latenesses where the stamps are sampled or rounded: a tick is 8 to 16 ms."""
 
 
-@dataclass(frozen=True)
-class Levels:
-    """Standard deviations beyond touch noise."""
-
-    edge_mm: float = 0.05
-    speed: float = 0.01
-    tremor_mm_s: float = 2.0
-    uneven: float = 0.1
-    run_s: float = 0.0003
-    run_mm: float = 0.02
-    late_s: float = 0.0
-    wander_s: float = 0.0
-
-    def at(self, **changed: float) -> Levels:
-        return replace(self, **changed)
-
-    @property
-    def sound(self) -> bool:
-        return all(getattr(self, name) <= part.sound * 1.001 for name, part in PARTS.items())
-
-    def within_sound(self) -> Levels:
-        changed: dict[str, Any] = {f.name: min(getattr(self, f.name), PARTS[f.name].sound) for f in fields(self)}
-        return replace(self, **changed)
+def is_sound(levels: Components) -> bool:
+    """Whether no part is larger than on sound rigs."""
+    return all(getattr(levels, name) <= part.sound * 1.001 for name, part in PARTS.items())
 
 
-def log_prior(levels: Levels, unsure_ages: bool) -> float:
+def within_sound(levels: Components) -> Components:
+    return levels.at(**{name: min(getattr(levels, name), part.sound) for name, part in PARTS.items()})
+
+
+def log_prior(levels: Components, unsure_ages: bool) -> float:
     """Log prior; more scatter than on sound rigs has ``P_UNSOUND``."""
     total = 0.0
     for name, part in PARTS.items():
         sd = UNSURE_AGE_SD_S if unsure_ages and name in ("late_s", "wander_s") else part.prior_sd
         total -= 0.5 * (getattr(levels, name) / sd) ** 2
-    return total if unsure_ages or levels.sound else total + float(np.log(constants.P_UNSOUND))
+    return total if unsure_ages or is_sound(levels) else total + float(np.log(constants.P_UNSOUND))

@@ -6,8 +6,9 @@ r = A b + T t + Σ X_j g_j + e (docs/gap.md); b, t and g are integrated out (Ras
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -17,9 +18,9 @@ from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.law_form import FlexibleLaw, nearest_eq5
 from draglag.gap.fitting.model import LawParameters, base_prior
-from draglag.gap.fitting.noise import Scatter, scatter
-from draglag.gap.posterior.covariance import Noise, noise_of
-from draglag.gap.posterior.levels import PARTS, Levels, log_prior
+from draglag.gap.fitting.noise import Components, Scatter, scatter
+from draglag.gap.fitting.whitening import inner_products
+from draglag.gap.posterior.levels import PARTS, log_prior, within_sound
 from draglag.gap.posterior.members import Member, members_of, of_unit_rms, smooth_columns
 from draglag.recording import FloatArray, IntArray
 from draglag.simulation.effects import effect_class
@@ -44,7 +45,7 @@ class Linear:
     precision: FloatArray
     columns: FloatArray
     at: tuple[IntArray, ...]
-    noise: Noise
+    parts: Scatter
     unsure_ages: bool
     law: LawParameters
     edges: np.ndarray | None
@@ -65,7 +66,7 @@ class Linear:
 class Normal:
     """Normal equations of members: gram (q, q), moment (q,); base: log evidence without members."""
 
-    levels: Levels
+    levels: Components
     gram: FloatArray
     moment: FloatArray
     base: float
@@ -114,7 +115,7 @@ def _restricted(whole: Whole, edges: np.ndarray | None) -> Linear:
         whole.precision,
         np.column_stack([of_unit_rms(member.columns[keep]) for member in whole.members]),
         tuple(np.arange(a, b) for a, b in pairwise(ends)),
-        noise_of(parts, fit.placed.t_s[fit.use][keep]),
+        parts,
         whole.unsure_ages,
         whole.law,
         edges,
@@ -166,27 +167,30 @@ def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:
     return np.asarray(left[:, leading] * size[leading])
 
 
-def normal(linear: Linear, levels: Levels) -> Normal:
+def normal(linear: Linear, levels: Components) -> Normal:
     p = linear.base.shape[1]
-    white, log_det = linear.noise.whitened(levels, np.column_stack([linear.base, linear.columns, linear.residual_mm]))
-    a, x, b = white[:, :p], white[:, p:-1], white[:, -1]
-    root, scale, value = _base_value(linear, a, b, log_det)
-    through = solve_triangular(root, scale[:, None] * (a.T @ np.column_stack([x, b])), lower=True)
-    ax, ab = through[:, :-1], through[:, -1]
-    return Normal(levels, x.T @ x - ax.T @ ax, x.T @ b - ax.T @ ab, value + log_prior(levels, linear.unsure_ages))
+    products = inner_products(linear.parts, np.column_stack([linear.base, linear.columns, linear.residual_mm]))
+    inner, log_det = products(levels)
+    root, scale, value = _base_value(linear, inner[np.ix_([*range(p), -1], [*range(p), -1])], log_det)
+    through = solve_triangular(root, scale[:, None] * inner[:p, p:], lower=True)
+    left = inner[p:, p:] - through.T @ through
+    return Normal(levels, left[:-1, :-1], left[:-1, -1], value + log_prior(levels, linear.unsure_ages))
 
 
 def _base_value(
-    linear: Linear, a: FloatArray, b: FloatArray, log_det: float, extra: int = 0
+    linear: Linear, inner: FloatArray, log_det: float, extra: int = 0
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Cholesky factor and scale of the information, log evidence. extra: unit-prior columns ending ``a``."""
+    """Cholesky factor and scale of the information, log evidence.
+
+    inner: products of base, ``extra`` columns of unit prior, and residual.
+    """
     precision = np.append(linear.precision, np.ones(extra))
-    information = a.T @ a
+    information = inner[:-1, :-1].copy()
     information[np.diag_indices_from(information)] += precision
     scale = 1 / np.sqrt(np.diag(information))
     root = np.asarray(np.linalg.cholesky(information * scale[:, None] * scale), np.float64)
-    half = solve_triangular(root, scale * (a.T @ b), lower=True)
-    value = -0.5 * float(b @ b - half @ half) - 0.5 * log_det
+    half = solve_triangular(root, scale * inner[:-1, -1], lower=True)
+    value = -0.5 * float(inner[-1, -1] - half @ half) - 0.5 * log_det
     value += float(np.log(scale).sum() - np.log(np.diag(root)).sum() + 0.5 * np.log(precision).sum())
     return root, scale, value
 
@@ -195,24 +199,20 @@ def likeliest_levels(
     linear: Linear,
     chosen: Sequence[int] = (),
     sizes_mm: Sequence[float] = (),
-    start: Levels | None = None,
+    start: Components | None = None,
     sound: bool = False,
-) -> Levels:
+) -> Components:
     """Likeliest levels given members. sound: only those of sound rigs."""
     own = [linear.columns[:, linear.at[i]] * s for i, s in zip(chosen, sizes_mm, strict=True)]
     extra = sum(c.shape[1] for c in own)
-    data = np.column_stack([linear.base, *own, linear.residual_mm])
-    memo: dict[Levels, float] = {}
+    products = inner_products(linear.parts, np.column_stack([linear.base, *own, linear.residual_mm]))
 
-    def value(levels: Levels) -> float:
-        if levels not in memo:
-            white, log_det = linear.noise.whitened(levels, data)
-            found = _base_value(linear, white[:, :-1], white[:, -1], log_det, extra)[2]
-            memo[levels] = found + log_prior(levels, linear.unsure_ages)
-        return memo[levels]
+    @cache
+    def value(levels: Components) -> float:
+        return _base_value(linear, *products(levels), extra)[2] + log_prior(levels, linear.unsure_ages)
 
-    levels = start or Levels()
-    levels = levels.within_sound() if sound else levels
+    levels = start or Components()
+    levels = within_sound(levels) if sound else levels
     for _ in range(ROUNDS):
         before = value(levels)
         for name, part in PARTS.items():
@@ -223,7 +223,7 @@ def likeliest_levels(
     return levels
 
 
-def _along(levels: Levels, name: str, grid: Sequence[float], value) -> Levels:  # type: ignore[no-untyped-def]
+def _along(levels: Components, name: str, grid: Sequence[float], value: Callable[[Components], float]) -> Components:
     at = int(np.argmin(np.abs(np.array(grid) - getattr(levels, name))))
     best = value(levels)
     for way in (1, -1):

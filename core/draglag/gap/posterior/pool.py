@@ -11,9 +11,10 @@ from scipy.special import logsumexp
 from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, effects_in, effects_in_law
 from draglag.gap.fitting.law_form import LAW_FORM
+from draglag.gap.fitting.noise import Components
 from draglag.gap.posterior.law_shape import falling_share
 from draglag.gap.posterior.left_out import freedom_nats
-from draglag.gap.posterior.levels import Levels
+from draglag.gap.posterior.levels import is_sound
 from draglag.gap.posterior.linear import Linear, likeliest_levels, linearised, normal
 from draglag.gap.posterior.members import UNNAMED
 from draglag.gap.posterior.search import Explanation, Search, log_evidence, one_law, own_effects, searched
@@ -41,7 +42,7 @@ class Pool:
 
     searches: tuple[Search, ...]
     edges: np.ndarray
-    levels: tuple[Levels, ...]
+    levels: tuple[Components, ...]
     found: dict[Names, Found]
     unsure_ages: bool
 
@@ -101,7 +102,7 @@ def compared(
         known[id(fit)].on(edges) if id(fit) in known else linearised(fit, frozenset(allowed), unsure_ages, edges)
         for fit in fits
     ]
-    levels: dict[Levels, None] = {} if before is None else dict.fromkeys(before.levels)
+    levels: dict[Components, None] = {} if before is None else dict.fromkeys(before.levels)
     for linear in linears:
         if id(linear.fit) not in known:
             likely, search = _likely_levels(linear, without, tuple(levels), most)
@@ -118,7 +119,7 @@ def compared(
     return Pool(searches, edges, kept, found, unsure_ages)
 
 
-def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[Levels]:
+def _that_matter(found: dict[Names, Found], levels: tuple[Components, ...]) -> list[Components]:
     best, empty = max(found, key=lambda n: found[n].log_mass), min(found, key=len)
     each = np.array([log_evidence(found[n].search, found[n].explanation) for n in (best, empty)])
     near = each > each.max(axis=1, keepdims=True) - constants.GIVEN_UP
@@ -126,14 +127,14 @@ def _that_matter(found: dict[Names, Found], levels: tuple[Levels, ...]) -> list[
 
 
 def _likely_levels(
-    linear: Linear, without: Collection[str], seeds: tuple[Levels, ...], most: int
-) -> tuple[tuple[Levels, ...], Search]:
-    """Levels likely without members or with the best explanation; its search."""
-    out: dict[Levels, None] = dict.fromkeys(seeds)
+    linear: Linear, without: Collection[str], seeds: tuple[Components, ...], most: int
+) -> tuple[tuple[Components, ...], Search]:
+    """Components likely without members or with the best explanation; its search."""
+    out: dict[Components, None] = dict.fromkeys(seeds)
     if not out:
         found = likeliest_levels(linear)
         # A single run that lies off makes all runs seem to scatter: it is judged where the others scatter little, too.
-        sound = found.at(run_s=min(found.run_s, Levels().run_s))
+        sound = found.at(run_s=min(found.run_s, Components().run_s))
         out |= dict.fromkeys((*_and_sound(linear, found), *_and_sound(linear, sound)))
     search = _searched(linear, tuple(out), without, most)
     best = _own_best(search)
@@ -144,14 +145,14 @@ def _likely_levels(
     return tuple(out), search
 
 
-def _and_sound(linear: Linear, levels: Levels) -> tuple[Levels, ...]:
-    if levels.sound or linear.unsure_ages:
+def _and_sound(linear: Linear, levels: Components) -> tuple[Components, ...]:
+    if is_sound(levels) or linear.unsure_ages:
         return (levels,)
     return levels, likeliest_levels(linear, start=levels, sound=True)
 
 
 def _searched(
-    linear: Linear, levels: tuple[Levels, ...], without: Collection[str], most: int, made: Sequence[Search] = ()
+    linear: Linear, levels: tuple[Components, ...], without: Collection[str], most: int, made: Sequence[Search] = ()
 ) -> Search:
     made = [search for search in made if search.linear is linear]
     for search in made:
@@ -224,4 +225,4 @@ def unsound_share(pool: Pool, names: Names) -> float:
         return 0.0
     each = log_evidence(search, found.explanation)
     weights = np.exp(each - logsumexp(each))
-    return float(sum(w for w, one in zip(weights, search.normals, strict=True) if not one.levels.sound))
+    return float(sum(w for w, one in zip(weights, search.normals, strict=True) if not is_sound(one.levels)))

@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, effects_in, effects_in_law
 from draglag.gap.fitting.law_form import LAW_FORM
-from draglag.gap.posterior.levels import Levels
+from draglag.gap.fitting.noise import Components
 from draglag.gap.posterior.linear import Linear, Normal
 from draglag.gap.posterior.members import Member
 from draglag.recording import FloatArray, IntArray
@@ -45,7 +45,7 @@ class Search:
     explanations: tuple[Explanation, ...] = field(repr=False, default=())
 
     @property
-    def levels(self) -> tuple[Levels, ...]:
+    def levels(self) -> tuple[Components, ...]:
         return tuple(one.levels for one in self.normals)
 
     @property

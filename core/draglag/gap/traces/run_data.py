@@ -13,6 +13,7 @@ from draglag.errors import EstimateError
 from draglag.gap.traces.dewarped import Shown, shown_speed
 from draglag.gap.traces.law_speed import COARSE_S
 from draglag.gap.traces.steep import wide_enough
+from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate, prepare
 from draglag.latency.run import estimate_run
 from draglag.messages import message
@@ -23,6 +24,7 @@ from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 
 FEWEST = 6  # edges a run must give to count
 GUESS_S = 0.06
+SEARCHED_S = (-0.15, 0.45)  # latencies: a clock may be off
 QUICK_S = 0.004  # no speed changes within less, whatever the panel's rate
 CUBIC_RAD = 0.85  # of a circle, over half a window: a cubic is true there to 0.2 % of the way off its centre line
 FINE_S = 0.004  # between events: finer ones are averaged, for every window is ten times as long
@@ -104,8 +106,11 @@ class RunData:
         )
 
 
-def gather(session: Session) -> tuple[RunData, ...]:
-    """Runs with enough usable edges, without chatter; steady ones without outliers."""
+def gather(session: Session, estimates: Estimates = ()) -> tuple[RunData, ...]:
+    """Runs with enough usable edges, without chatter; steady ones without outliers.
+
+    estimates: in ``SEARCHED_S``, of runs of which they are known.
+    """
     out = []
     for run in session.runs:
         try:
@@ -116,7 +121,8 @@ def gather(session: Session) -> tuple[RunData, ...]:
         if edges.t_s.size < FEWEST:
             continue
         if run.protocol in ("circle", "free"):
-            estimate = estimate_run(run, session.stylus.diameter_mm, window_s=(-0.15, 0.45))
+            known = next((one for other, one in estimates if other is run), None)
+            estimate = known or estimate_run(run, session.stylus.diameter_mm, window_s=SEARCHED_S)
             if estimate.latency_s is None or estimate.alignment is None:
                 continue
             keep = np.isin(edges.t_s, estimate.alignment.edge_t_s)

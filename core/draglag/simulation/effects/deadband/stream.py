@@ -23,6 +23,7 @@ WHOLE, SHARE_WHOLE = 0.02, 0.95  # of a step; of the distances between coordinat
 P_OUTLIER = 1e-3  # share of events that may be anything
 MIN_LOG_RATIO = 10.0  # nats
 SURELY = 4.0  # roundings, by which a step is shorter for certain
+CERTAIN = 6.0  # standard deviations: further, a normal scatter changes nothing (1e-9)
 WITHIN = 1.92  # nats below the best: not excluded at 95 %
 WIDTHS = 160
 
@@ -41,6 +42,7 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
     """Jump deadband, if likelier than random repeats. step_mm: of quantised coordinates."""
     runs = [_stood_and_moved(touch) for touch in touches]
     stood, moved = (np.concatenate(each) for each in zip(*runs, strict=True))
+    nearer, moved = np.sort(-stood), np.sort(moved)
     if not stood.size or not moved.size:
         return None
     at_random = sum(_of_share(behind.size, steps.size) for behind, steps in runs)
@@ -53,9 +55,9 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
     widths = widths[_possible(widths, moved, rounding_mm, at_random)]
     if not widths.size:
         return None
-    best = float(widths[int(np.argmax([_of_width(w, stood, moved, rounding_mm) for w in widths]))])
+    best = float(widths[int(np.argmax([_of_width(w, nearer, moved, rounding_mm) for w in widths]))])
     near = np.linspace(max(0.94 * best, narrowest), 1.06 * best, WIDTHS)
-    gains = np.array([_of_width(w, stood, moved, rounding_mm) for w in near])
+    gains = np.array([_of_width(w, nearer, moved, rounding_mm) for w in near])
     width = float(near[int(np.argmax(gains))])
     if gains.max() - at_random < MIN_LOG_RATIO or width <= 1.01 * narrowest:
         return None
@@ -107,13 +109,18 @@ def _possible(
     widths_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float, at_random: float
 ) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Widths (k,) that may be likelier than random repeats."""
-    shorter = np.searchsorted(np.sort(moved_mm), widths_mm - SURELY * rounding_mm)
+    shorter = np.searchsorted(moved_mm, widths_mm - SURELY * rounding_mm)
     return np.asarray(shorter * np.log(2 * P_OUTLIER) > at_random)
 
 
-def _of_width(width_mm: float, stood_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float) -> float:
-    moved = (1 - P_OUTLIER) * ndtr((moved_mm[moved_mm < 2 * width_mm] - width_mm) / rounding_mm) + P_OUTLIER
-    stood = max(
-        float(np.sum(np.log((1 - P_OUTLIER) * ndtr((width_mm - stood_mm) / off) + P_OUTLIER))) for off in OFF_PATH_MM
-    )
-    return float(np.sum(np.log(moved))) + stood
+def _of_width(width_mm: float, nearer_mm: FloatArray, moved_mm: FloatArray, rounding_mm: float) -> float:
+    """Log-likelihood. nearer_mm: minus the distances of repeated positions; both sorted."""
+    stood = max(_beyond(nearer_mm, -width_mm, off) for off in OFF_PATH_MM)
+    return _beyond(moved_mm, width_mm, rounding_mm) + stood
+
+
+def _beyond(values: FloatArray, limit: float, sd: float) -> float:
+    """Log-likelihood that sorted values lie beyond a limit of normal scatter, outliers apart."""
+    low, high = np.searchsorted(values, [limit - CERTAIN * sd, limit + CERTAIN * sd])
+    near = np.log((1 - P_OUTLIER) * ndtr((values[low:high] - limit) / sd) + P_OUTLIER)
+    return float(low * np.log(P_OUTLIER) + np.sum(near))

@@ -30,8 +30,9 @@ BACK = 0.3  # of a step that went too far
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Refit of traces freed of the likeliest filter, if likelier than without; begun at the usual one."""
-    setting, law = USUAL, _law_without(before, USUAL)
+    """Refit of traces freed of the likeliest filter, if likelier than without. theta: initial setting; none: usual."""
+    setting = Setting(*theta[:2]) if theta else USUAL
+    law = _law_without(before, setting)
     best: Fit | None = None
     step = unsure = np.zeros(2)
     for _ in range(ROUNDS):
