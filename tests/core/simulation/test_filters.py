@@ -8,7 +8,7 @@ import pytest
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.base import TouchEvents
-from draglag.simulation.effects.prediction.undone import inverse
+from draglag.simulation.effects.prediction.undone import Behind
 
 RATE_HZ = 120.0
 SPEED = 180.0
@@ -97,8 +97,13 @@ def test_undoing_a_prediction_brings_path_and_noise_back(horizon_s: float, windo
     contact = np.where(t > 0.6 * t[-1], 1, 0)
     t = t + 0.5 * contact  # the stylus was lifted
     shown = parse_effect(f"prediction={horizon_s},window_s={window_s}").events(TouchEvents(t, *raw.T, contact), rng)
-    back = inverse(t, horizon_s, window_s) @ np.column_stack([shown.x_mm, shown.y_mm])
-    assert np.abs(back - raw).max() < 0.02  # of 40 mm of radius: weights below 1e-4 are left out
+    behind = Behind.of(t, horizon_s, window_s)
+    reported = np.column_stack([shown.x_mm, shown.y_mm])
+    assert behind.before(reported) == pytest.approx(raw, abs=1e-9)
+    # By the weights, small ones left out, noise comes back to a few percent of its size.
+    noise = rng.normal(0, 0.1, reported.shape)
+    off = behind.weights() @ noise - behind.before(noise)
+    assert np.std(off) < 0.05 * np.std(behind.before(noise))
 
 
 def test_every_contact_is_predicted_by_itself() -> None:
