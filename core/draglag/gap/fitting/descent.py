@@ -21,6 +21,7 @@ UNUSABLE = message("Check the calibration and the clocks of this session")
 STEPS, ATTEMPTS = 20, 4
 LEAST_DAMPING = 1e-5  # of the information's diagonal: the valley of two exponentials is a hundred times narrower
 STRONGER, WEAKER = 100.0, 10.0  # factors of the damping after a step that failed, and after one that did not
+IDLE = 3  # damped steps in a row
 PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
 ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
 
@@ -48,7 +49,7 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
     """Converged search. fixed: edges of a smaller model. Edges and weights follow the law only at first."""
     width_mm = session.screen.width_mm
     settled = judged = False
-    damping = 0.0
+    damping, idle = 0.0, 0
     for iteration in range(STEPS):
         if iteration == 1:
             search = search.at_best_rates(runs, width_mm)
@@ -68,9 +69,10 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
             search = Search.at(runs, state, search.use & ~strayed, search.components)
         else:
             search = replace(search, state=state)
-        # A damped step gains little also where much is left to gain.
+        # A damped step may gain little where much is left to gain; several in a row do not.
         free = damping == 0
-        if judged and free and gained < ENOUGH:
+        idle = idle + 1 if gained < ENOUGH else 0
+        if judged and idle >= (1 if free else IDLE):
             break
         settled = not judged and free and gained < ROUGHLY and iteration >= 2
     return search

@@ -34,8 +34,13 @@ class FlexibleLaw(LawParameters):
         return np.asarray(super().__call__(speed) + rest.reshape(speed.shape))
 
     def columns(self, speed_mm_s: FloatArray) -> FloatArray:
-        """Columns of Eq. 5, then of the remainder, (m, 5 + k)."""
-        return np.column_stack([super().columns(speed_mm_s), basis(speed_mm_s, self.knots)])
+        """Columns of Eq. 5, then of the remainder, (m, 5 + k).
+
+        The rates stay: what they would change the remainder can, and both together have no single best point.
+        """
+        of_eq5 = super().columns(speed_mm_s)
+        of_eq5[:, [1, 3]] = 0.0
+        return np.column_stack([of_eq5, basis(speed_mm_s, self.knots)])
 
     @property
     def step_sd(self) -> tuple[float, ...]:

@@ -12,7 +12,7 @@ from draglag.gap.fitting.model import N_NUISANCES, base_prior
 from draglag.gap.fitting.noise import LOCAL, Components, Scatter
 from draglag.gap.fitting.state import State
 from draglag.gap.fitting.whitening import Whitener, inner_products
-from draglag.recording import FloatArray
+from draglag.recording import FloatArray, IntArray
 
 HUBER_K = 4.0  # standard deviations: Huber's corner
 
@@ -96,20 +96,27 @@ def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
     given = np.linalg.inv(normal[own, own] + np.diag(state.prior[own])) @ normal[own]
     curvature = normal - normal[:, own] @ given
     curvature[own], curvature[:, own], moment[own] = 0.0, 0.0, 0.0
-    # A law's prior limits its steps; that of an effect's size draws it towards none.
-    limit, sized = state.prior.copy(), slice(own.stop, None)
-    limit[sized] = 0.0
-    curvature[sized, sized] += np.diag(state.prior[sized])
-    moment[sized] -= state.prior[sized] * _sizes(state)
+    # The prior of Eq. 5 and the beam limits their steps; that of a remainder or an effect's size draws it towards none.
+    at, sizes = _drawn_to_none(state)
+    limit = state.prior.copy()
+    limit[at] = 0.0
+    curvature[at, at] += state.prior[at]
+    moment[at] -= state.prior[at] * sizes
     return Downhill(curvature, moment, limit, _huber_cost(left) + own_cost + _prior_cost(state))
 
 
-def _sizes(state: State) -> FloatArray:
-    return np.array([size for term in state.terms for size in term.sizes])
+def _drawn_to_none(state: State) -> tuple[IntArray, FloatArray]:
+    """Places and values (k,) of the parameters whose prior is about zero."""
+    remainder = state.law.remainder_s
+    sizes = [size for term in state.terms for size in term.sizes]
+    end_of_law, begin = len(state.law.step_sd), _nuisances(state).stop
+    at = [*range(end_of_law - len(remainder), end_of_law), *range(begin, begin + len(sizes))]
+    return np.array(at, np.int64), np.array([*remainder, *sizes], float)
 
 
 def _prior_cost(state: State) -> float:
-    return 0.5 * float(state.prior[_nuisances(state).stop :] @ _sizes(state) ** 2)
+    at, sizes = _drawn_to_none(state)
+    return 0.5 * float(state.prior[at] @ sizes**2)
 
 
 def _nuisances(state: State) -> slice:

@@ -64,6 +64,11 @@ class LawParameters:
         return np.column_stack(out)
 
     @property
+    def remainder_s(self) -> tuple[float, ...]:
+        """What is added to Eq. 5: nothing."""
+        return ()
+
+    @property
     def step_sd(self) -> tuple[float, ...]:
         """Prior standard deviations, as in ``columns``."""
         plateau = (PLATEAU_SD_MM_S,) if self.plateau_mm_s > 0 else ()
