@@ -68,7 +68,7 @@ class Behind:
         return np.asarray(dtbtrs(bands, np.asfortranarray(xy_mm), uplo="L")[0], float)
 
     def weights(self) -> csr_matrix:
-        """Weights (n, n) of reported positions, small ones left out: y = G r + (I − G) B y, G = 1 / (1 + g), a series."""
+        """Weights (n, n) of reported positions, small ones left out: a series y = G r + (I − G) B y, G = 1/(1 + g)."""
         n = self.gain.size
         later = np.flatnonzero(self.gain)
         begin, share = self.begin[later], self.share[later]
