@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -136,9 +135,13 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
         for k, (data, late_s) in enumerate(zip(fit.runs, _latencies_s(fit), strict=True))
         if data.estimate is not None and data.estimate.latency_s is not None and np.isfinite(late_s)
     ]
+    above = [row for row in rows if row[0] > fit.law.plateau_mm_s]  # on a plateau runs do not show how the curve falls
     at_s, weights = np.zeros(1), np.ones(1)
-    with suppress(EstimateError):
-        best = fit_best(CurvePoints(*np.array(rows, float).T))
+    try:
+        best = fit_best(CurvePoints(*np.array(above, float).reshape(-1, 3).T))
+    except EstimateError:
+        p_any = 1.0  # as many ends fit as few speeds leave open
+    else:
         if best.points is not None:
             curves = [fit_form(best.points, rival.form) for rival in best.rivals]
             at_s = np.array([float(c.predict_s(np.array([FAR_MM_S]))[0] - fit.law.a7_s) for c in curves])
