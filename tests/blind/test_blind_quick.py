@@ -39,6 +39,15 @@ def test_behind_a_causal_low_pass_no_law_follows_another_moment():
     assert (outcome.named, outcome.unexplained_by) == (("smoothing_shrink",), None)
 
 
+def test_three_speeds_above_a_plateau_show_no_clock():
+    """The end of a curve that so few speeds show is no asymptote that taps could be off."""
+    sizes = {"low_speed_plateau": 136.89780118459964}
+    outcome = run_task(
+        Task("single", "low_speed_plateau", 1.0, 1276973015, sizes, floor=False, world="realistic", law_form="adaptive")
+    )
+    assert (outcome.named, outcome.verdict) == (("low_speed_plateau",), "explained")
+
+
 @pytest.mark.parametrize("seed", [1056727220, 1329026291])
 def test_a_drift_in_no_library_is_not_taken_for_one_that_settles(seed):
     """A latency that settles differs from a straight line by a twentieth of its size: more than noise."""
