@@ -44,7 +44,9 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
             step = BACK * step
         else:
             best, setting, law = fit, there, fit.law
-            step, unsure = likelier(fit)
+            step, unsure, gain = likelier(fit)
+            if _gained(before, fit) + gain < 0:
+                return []  # not even to first order does it come up to a fit without a filter
             step = np.clip(step, -LONGEST_STEP, LONGEST_STEP)
         if np.max(np.abs(setting.moved(step).logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD:
             return []
@@ -55,15 +57,19 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     return [_with_setting(best, setting._replace(sd_log_fmin=float(unsure[0]), sd_log_beta=float(unsure[1])))]
 
 
-def likelier(fit: Fit) -> tuple[FloatArray, FloatArray]:
-    """Step (2,) of both logarithms by edges and prior, and standard deviations (2,). The filter's term is the last."""
+def likelier(fit: Fit) -> tuple[FloatArray, FloatArray, float]:
+    """Step (2,) of both logarithms by edges and prior, standard deviations (2,), and the nats that the step gains.
+
+    The filter's term is the last.
+    """
     white, prior, own = fit.white, fit.prior.copy(), slice(-2, None)
     prior[own] = OF_SCREENS_SD**-2
     a, b = white.apply(np.column_stack([fit.design[:, :-2], _columns(fit)])), white.apply(fit.residual_mm)
     covariance = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
     moment = a.T @ b
     moment[own] -= Setting(*fit.terms[-1].theta[:2]).logs_from(USUAL) * prior[own]
-    return (covariance @ moment)[own], np.sqrt(np.diag(covariance)[own])
+    gain = 0.5 * float(moment @ covariance @ moment)
+    return (covariance @ moment)[own], np.sqrt(np.diag(covariance)[own]), gain
 
 
 def _columns(fit: Fit) -> FloatArray:
@@ -81,8 +87,13 @@ def _with_setting(fit: Fit, setting: Setting) -> Fit:
 
 def _worse(fit: Fit, before: Fit) -> bool:
     """Whether edges are less likely than before."""
+    return _gained(before, fit) < 0
+
+
+def _gained(before: Fit, fit: Fit) -> float:
+    """Log-likelihood gained on common edges."""
     both = fit.use & before.use
-    return log_likelihood_on(fit, both) < log_likelihood_on(before, both)
+    return log_likelihood_on(fit, both) - log_likelihood_on(before, both)
 
 
 def _law_without(before: Fit, setting: Setting) -> LawParameters | None:
