@@ -12,7 +12,7 @@ from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.fitting.heldout import gap_mm
-from draglag.gap.fitting.joint import START, Fit, fit_session
+from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.noise import scatter
@@ -59,7 +59,7 @@ def test_a_step_keeps_what_it_promises(damping: float) -> None:
     fit = fit_session(session, gather(session))
     state = linearise(fit.runs, fit.law, fit.geometry, [Term("clock_drift")], fit.width_mm, None)
     use = fit.use & state.placed.ok
-    calm = replace(START, edge_mm=2.0)  # no edge so far off that it pulls with less than its square
+    calm = replace(edge_mm=2.0)  # no edge so far off that it pulls with less than its square
     white = whitener(scatter(fit.runs, state.placed, use, state.blur_mm), calm)
     down = downhill(white, state, use)
     step, promised = down.step(damping)

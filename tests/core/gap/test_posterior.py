@@ -15,9 +15,9 @@ from core import sound_sessions
 from draglag.gap import GapReport, close_gap, constants
 from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, remainder_rms_s
 from draglag.gap.fitting.model import LawParameters
+from draglag.gap.fitting.noise import Components, Scatter
 from draglag.gap.fitting.state import Term
-from draglag.gap.posterior.covariance import Noise, RunNoise
-from draglag.gap.posterior.levels import Levels, log_prior
+from draglag.gap.posterior.levels import log_prior
 from draglag.gap.posterior.linear import Linear, normal
 from draglag.gap.posterior.members import Member, of_unit_rms
 from draglag.gap.posterior.search import searched, sizes_mm
@@ -25,7 +25,7 @@ from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
-LEVELS = Levels(edge_mm=0.1, late_s=0.0005)
+LEVELS = Components(edge_mm=0.1, run_s=0.0, run_mm=0.0, late_s=0.0005)
 
 
 def linear(
@@ -33,9 +33,11 @@ def linear(
 ) -> Linear:
     """A session of one run at a fit with ``own`` effects: a constant as its base, no tolerance."""
     n = residual_mm.size
-    zero = np.zeros((n, n))
-    lever = rng.uniform(50, 300, n)
-    noise = RunNoise(np.arange(n), 0.01 * np.eye(n), zero, zero, np.zeros((n, 3)), 0.0, lever**2, zero)
+    zero = np.zeros((1, n))
+    parts = Scatter(
+        np.full((1, n), 0.01), zero, zero, rng.uniform(50, 300, n), np.zeros(n), np.zeros(n, np.int64), np.zeros(1),
+        np.arange(n, dtype=float),
+    )  # fmt: skip
     columns = np.column_stack([of_unit_rms(m.columns) for m in members])
     at = tuple(np.array([k]) for k in range(len(members)))
     law = LawParameters(0.05, 4e-3, 0.05, 2e-2, 0.03)
@@ -48,7 +50,7 @@ def linear(
         np.array([4.0]),
         columns,
         at,
-        Noise((noise,)),
+        parts,
         False,
         law,
         None,
@@ -63,8 +65,8 @@ def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_mo
     members = tuple(Member(name, (), rng.standard_normal((n, 1)), np.log(0.02)) for name in ("one", "two"))
     residual_mm = 0.3 * members[0].columns[:, 0] + 0.1 * rng.standard_normal(n)
     seen = linear(rng, residual_mm, members)
-    run = seen.noise.runs[0]
-    covariance = run.factor(LEVELS) @ run.factor(LEVELS).T + seen.base @ seen.base.T / seen.precision
+    local = 0.01 + LEVELS.edge_mm**2 + (LEVELS.late_s * seen.parts.late_mm_s) ** 2
+    covariance = np.diag(local) + seen.base @ seen.base.T / seen.precision
     found = {e.members: e for e in searched(seen, (normal(seen, LEVELS),)).explanations}
     constant = multivariate_normal(np.zeros(n), covariance).logpdf(residual_mm) + log_prior(LEVELS, False)
     for k in range(2):

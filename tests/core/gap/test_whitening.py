@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from draglag.gap.constants import MEMORY_S
 from draglag.gap.fitting.noise import Components, Scatter
-from draglag.gap.fitting.whitening import whitener
+from draglag.gap.fitting.whitening import inner_products, whitener
 
 M, REACH = 60, 5
 
@@ -18,7 +19,7 @@ def parts() -> Scatter:
     fixed, speed, tremor = (np.where(same, rng.uniform(-0.1, 0.1, (REACH, M)), 0.0) for _ in range(3))
     fixed[0], speed[0], tremor[0] = (rng.uniform(1, 2, M) for _ in range(3))
     late, uneven, loose = rng.normal(0, 300, M), rng.normal(0, 2, M), np.array([0.0, 2e-3, 0.0, 1e-3])
-    return Scatter(fixed, speed, tremor, late, uneven, run, loose)
+    return Scatter(fixed, speed, tremor, late, uneven, run, loose, np.cumsum(rng.uniform(0.02, 0.2, M)))
 
 
 def _dense(parts: Scatter, components: Components) -> np.ndarray:
@@ -27,7 +28,10 @@ def _dense(parts: Scatter, components: Components) -> np.ndarray:
         for j in range(min(REACH, M - i)):
             shared = components.speed**2 * parts.speed_mm2[j, i] + components.tremor_mm_s**2 * parts.tremor_s2[j, i]
             c[i + j, i] = c[i, i + j] = parts.fixed_mm2[j, i] + shared
-    c += components.edge_mm**2 * np.eye(M)
+    c += np.diag(components.edge_mm**2 + (components.late_s * parts.late_mm_s) ** 2)
+    apart_s = np.abs(np.subtract.outer(parts.t_s, parts.t_s))
+    wander = np.outer(parts.late_mm_s, parts.late_mm_s) * np.exp(-apart_s / MEMORY_S)
+    c += np.where(parts.run[:, None] == parts.run, components.wander_s**2 * wander, 0.0)
     late = np.hypot(components.run_s, parts.loose_s[parts.run]) * parts.late_mm_s
     own = components.uneven * parts.uneven_mm
     common = np.outer(late, late) + components.run_mm**2 + np.outer(own, own)
@@ -35,7 +39,9 @@ def _dense(parts: Scatter, components: Components) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "components", [Components(0.1, 0.02, 3.0, 0.3, 5e-4, 0.05), Components(*[0.0] * 6)], ids=["all", "least"]
+    "components",
+    [Components(0.1, 0.02, 3.0, 0.3, 5e-4, 0.05, 3e-4, 7e-4), Components(*[0.0] * 6)],
+    ids=["all", "least"],
 )
 def test_white_residuals_are_those_of_the_covariance_written_out(parts: Scatter, components: Components) -> None:
     residual = np.random.default_rng(2).standard_normal((M, 3))
@@ -45,6 +51,17 @@ def test_white_residuals_are_those_of_the_covariance_written_out(parts: Scatter,
     assert white.colour(residual) == pytest.approx(factor @ residual, abs=1e-10)
     assert white.log_det == pytest.approx(2 * np.log(np.diag(factor)).sum(), abs=1e-10)
     assert white.variance_mm2 == pytest.approx(np.diag(_dense(parts, components)))
+
+
+@pytest.mark.parametrize(
+    "components", [Components(0.1, 0.02, 3.0, 0.3, 5e-4, 0.05), Components(late_s=3e-4, wander_s=7e-4)]
+)
+def test_inner_products_are_those_of_white_columns(parts: Scatter, components: Components) -> None:
+    columns = np.random.default_rng(3).standard_normal((M, 4))
+    products, log_det = inner_products(parts, columns)(components)
+    white = np.linalg.solve(np.linalg.cholesky(_dense(parts, components)), columns)
+    assert products == pytest.approx(white.T @ white, rel=1e-6)
+    assert log_det == pytest.approx(np.linalg.slogdet(_dense(parts, components))[1], abs=1e-6)
 
 
 def test_what_is_no_covariance_is_refused(parts: Scatter) -> None:
