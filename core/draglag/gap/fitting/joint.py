@@ -102,25 +102,32 @@ def fit_session(
     laws = [law] if law is not None and (law.plateau_mm_s > 0) == plateau else [starting_law(runs, less, plateau)]
     if law is None and start is not None and (start.law.plateau_mm_s > 0) == plateau:
         laws.append(start.law)
-    states = [_begun(session, runs, begin, terms) for begin in laws]
+    geometry = _first_geometry(session, runs) if start is None else start.geometry
+    states = [_begun(runs, begin, geometry, terms, width_mm) for begin in laws]
     use = usable(states[0], runs, loose=True) if start is None else start.use.copy()
     use = use if only is None else use & only
     if not use.any():
         raise EstimateError(message("{session}: no edge can be placed on the trace", session=session.name), UNUSABLE)
-    search = Search.at(runs, states[0], use, Components())
+    begun = Components() if start is None else start.white.components
+    search = Search.at(runs, states[0], use, begun)
     for other in states[1:]:
         cost, strayed = cost_relative_to(search.white, other, search.state, use)
         if cost < cost_without_nuisances(search.white, search.state, use):
-            search = Search.at(runs, other, use & ~strayed, Components())
+            search = Search.at(runs, other, use & ~strayed, begun)
     search = descended(session, runs, search, start is not None)
     return _concluded(runs, search, start, only, width_mm)
 
 
-def _begun(session: Session, runs: tuple[RunData, ...], law: LawParameters, terms: Sequence[Term]) -> State:
+def _first_geometry(session: Session, runs: tuple[RunData, ...]) -> Geometry:
+    """Medians over the runs."""
     found = [d.estimate.alignment for d in runs if d.estimate and d.estimate.alignment]
     middle_mm = float(np.median([0.5 * (a.intercept_top_mm + a.intercept_bottom_mm) for a in found]))
-    geometry = Geometry(float(np.median([a.slope for a in found])), middle_mm, session.stylus.diameter_mm)
-    width_mm = session.screen.width_mm
+    return Geometry(float(np.median([a.slope for a in found])), middle_mm, session.stylus.diameter_mm)
+
+
+def _begun(
+    runs: tuple[RunData, ...], law: LawParameters, geometry: Geometry, terms: Sequence[Term], width_mm: float
+) -> State:
     state = linearise(runs, law, geometry, terms, width_mm, None)
     if any(t.sizes for t in terms):
         state = linearise(runs, law, geometry, state.terms, width_mm, state)
