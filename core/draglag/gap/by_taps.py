@@ -18,6 +18,7 @@ from draglag.gap.posterior.pool import Pool
 from draglag.instruments.taps import LONGEST_S, summarise_taps
 from draglag.recording import FloatArray, Session, Taps
 from draglag.simulation.effects import Effect
+from draglag.simulation.effects.in_fits import Z95
 
 TAP_SD_S = 0.0009  # how far releases lie from the asymptote of a sound rig, from panel to panel (fact sheet on taps)
 INTEREST_S = 0.0015  # tolerated: at 100 mm/s 0.15 mm, and a panel may treat a lift as it likes
@@ -83,27 +84,33 @@ def shares_by_edges(
 class Ends:
     """Ends of the curve relative to the fitted asymptote.
 
-    at_s, weights: (k,) of known forms. variance: of releases. any_s, p_any: of an unknown form.
+    at_s, weights, variances: (k,) of known forms; the last by what the runs leave open. variance: of releases. any_s,
+    p_any: of an unknown form.
     """
 
     at_s: FloatArray
     weights: FloatArray
+    variances: FloatArray
     variance: float
     any_s: tuple[float, float]
     p_any: float
 
-    def densities(self, off_s: float, sd_s: float) -> tuple[FloatArray, float]:
-        """Densities of releases, 1/s, times the forms' probabilities: known (k,), unknown. sd_s: about an end."""
-        low, high = self.any_s
+    def sds_s(self, more: float = 0.0) -> tuple[FloatArray, float]:
+        """Standard deviations of releases about an end: known forms (k,), unknown. more: variance besides."""
+        return np.sqrt(self.variance + more + self.variances), float(np.sqrt(self.variance + more))
+
+    def densities(self, off_s: float, more: float) -> tuple[FloatArray, float]:
+        """Densities of releases, 1/s, times the forms' probabilities: known (k,), unknown. more: as in ``sds_s``."""
+        (low, high), (known_s, sd_s) = self.any_s, self.sds_s(more)
         inside = float(norm.cdf(high, off_s, sd_s) - norm.cdf(low, off_s, sd_s))
-        known = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, sd_s)
+        known = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, known_s)
         return np.asarray(known), self.p_any * inside / (high - low)
 
     def with_and_without(self, off_s: float) -> tuple[float, float]:
         """Joint densities of releases with, and without, an offset of the clock, 1/s."""
         out = []
         for p, slab_sd_s in ((P_EFFECT, OFFSET_SD_S), (1 - P_EFFECT, 0.0)):
-            known, unknown = self.densities(off_s, float(np.sqrt(self.variance + INTEREST_S**2 + slab_sd_s**2)))
+            known, unknown = self.densities(off_s, INTEREST_S**2 + slab_sd_s**2)
             out.append(p * (float(known.sum()) + unknown + np.finfo(float).tiny))
         return out[0], out[1]
 
@@ -114,10 +121,13 @@ class Ends:
     def offset(self, off_s: float) -> Offset:
         """Posterior of an offset, given releases at ``off_s``."""
         with_it, without = self.with_and_without(off_s)
-        known, unknown = self.densities(off_s, float(np.sqrt(self.variance + OFFSET_SD_S**2)))
-        sizes_s, sd_s, (low, high) = off_s - self.at_s, np.sqrt(self.variance), self.any_s
-        grid = np.linspace(min(*sizes_s, off_s - high) - 4 * sd_s, max(*sizes_s, off_s - low) + 4 * sd_s, POINTS)
-        below = known @ norm.cdf(grid, sizes_s[:, None], sd_s) + unknown * uniform.cdf(grid, off_s - high, high - low)
+        known, unknown = self.densities(off_s, OFFSET_SD_S**2)
+        sizes_s, (low, high), sd_s = off_s - self.at_s, self.any_s, self.sds_s()[0]
+        widest = 4 * float(sd_s.max())
+        grid = np.linspace(min(*sizes_s, off_s - high) - widest, max(*sizes_s, off_s - low) + widest, POINTS)
+        below = known @ norm.cdf(grid, sizes_s[:, None], sd_s[:, None]) + unknown * uniform.cdf(
+            grid, off_s - high, high - low
+        )
         whole = known.sum() + unknown
         ends = np.interp(np.array([0.025, 0.975]) * whole, below, grid)
         middle = (known @ sizes_s + unknown * (off_s - 0.5 * (low + high))) / whole
@@ -136,7 +146,7 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
         if data.estimate is not None and data.estimate.latency_s is not None and np.isfinite(late_s)
     ]
     above = [row for row in rows if row[0] > fit.law.plateau_mm_s]  # on a plateau runs do not show how the curve falls
-    at_s, weights = np.zeros(1), np.ones(1)
+    at_s, weights, variances = np.zeros(1), np.ones(1), np.zeros(1)
     try:
         best = fit_best(CurvePoints(*np.array(above, float).reshape(-1, 3).T))
     except EstimateError:
@@ -144,11 +154,13 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
     else:
         if best.points is not None:
             curves = [fit_form(best.points, rival.form) for rival in best.rivals]
-            at_s = np.array([float(c.predict_s(np.array([FAR_MM_S]))[0] - fit.law.a7_s) for c in curves])
+            far = np.array([FAR_MM_S])
+            at_s = np.array([float(c.predict_s(far)[0] - fit.law.a7_s) for c in curves])
+            variances = np.array([float(np.ptp(c.band_s(far)) / (2 * Z95)) ** 2 for c in curves])
             aicc = np.array([rival.aicc for rival in best.rivals])
             weights = np.exp(0.5 * (aicc.min() - aicc))
     variance += (BEYOND * highest_s) ** 2 + float(fit.covariance[4, 4]) + TAP_SD_S**2
-    return Ends(at_s, weights / weights.sum(), variance, any_s, p_any)
+    return Ends(at_s, weights / weights.sum(), variances, variance, any_s, p_any)
 
 
 def _latencies_s(fit: Fit) -> FloatArray:
