@@ -1,0 +1,33 @@
+"""The difference of taps from the curve's end, and what the runs leave open of that end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from draglag.gap.by_taps import Ends
+
+MS = 1e-3
+
+
+def ends(open_s: float, p_any: float = 0.0) -> Ends:
+    """One form whose end the runs leave open by a standard deviation; releases are known to 1 ms."""
+    return Ends(np.zeros(1), np.ones(1), np.array([open_s**2]), MS**2, (-20 * MS, 40 * MS), p_any)
+
+
+def test_releases_far_off_a_well_known_end_are_an_offset_of_that_size() -> None:
+    found = ends(0.0).offset(9 * MS)
+    assert found.probability > 0.9
+    assert found.value_s == pytest.approx(9 * MS, abs=1e-5)
+    assert found.ci95_s == pytest.approx((9 * MS - 1.96 * MS, 9 * MS + 1.96 * MS), abs=1e-4)
+
+
+def test_where_the_runs_leave_the_end_open_by_as_much_they_are_none() -> None:
+    found = ends(8 * MS).offset(9 * MS)
+    assert found.probability < 0.1
+    reach = 1.96 * np.hypot(8, 1) * MS
+    assert found.ci95_s == pytest.approx((9 * MS - reach, 9 * MS + reach), abs=1e-4)
+
+
+def test_nor_are_they_where_the_curve_may_end_anywhere() -> None:
+    assert ends(0.0, p_any=1.0).offset(9 * MS).probability < 0.1
