@@ -102,20 +102,32 @@ def fit_session(
     laws = [law] if law is not None and (law.plateau_mm_s > 0) == plateau else [starting_law(runs, less, plateau)]
     if law is None and start is not None and (start.law.plateau_mm_s > 0) == plateau:
         laws.append(start.law)
-    geometry = _first_geometry(session, runs) if start is None else start.geometry
+    geometry = _first_geometry(session, runs)
     states = [_begun(runs, begin, geometry, terms, width_mm) for begin in laws]
     use = usable(states[0], runs, loose=True) if start is None else start.use.copy()
     use = use if only is None else use & only
     if not use.any():
         raise EstimateError(message("{session}: no edge can be placed on the trace", session=session.name), UNUSABLE)
-    begun = Components() if start is None else start.white.components
-    search = Search.at(runs, states[0], use, begun)
+    search = Search.at(runs, states[0], use, Components())
     for other in states[1:]:
         cost, strayed = cost_relative_to(search.white, other, search.state, use)
         if cost < cost_without_nuisances(search.white, search.state, use):
-            search = Search.at(runs, other, use & ~strayed, begun)
-    search = descended(session, runs, search, start is not None)
-    return _concluded(runs, search, start, only, width_mm)
+            search = Search.at(runs, other, use & ~strayed, Components())
+    fit = _concluded(runs, descended(session, runs, search, start is not None), start, only, width_mm)
+    if start is None or not _should_contain(fit, start):
+        return fit
+    search = Search.at(runs, _begun(runs, start.law, start.geometry, terms, width_mm), use, start.white.components)
+    again = _concluded(runs, descended(session, runs, search, True), start, only, width_mm)
+    return again if again.log_likelihood > fit.log_likelihood else fit
+
+
+def _should_contain(fit: Fit, start: Fit) -> bool:
+    """Whether a fit is less likely than the smaller one that its model contains: it ended in another valley."""
+    alike = type(fit.law) is type(start.law) and (fit.law.plateau_mm_s > 0) == (start.law.plateau_mm_s > 0)
+    if fit.runs is not start.runs or not alike:
+        return False
+    both = fit.use & start.use
+    return log_likelihood_on(fit, both) < log_likelihood_on(start, both)
 
 
 def _first_geometry(session: Session, runs: tuple[RunData, ...]) -> Geometry:
