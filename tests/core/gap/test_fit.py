@@ -11,11 +11,12 @@ import pytest
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
+from draglag.gap.constants import GIVEN_UP
 from draglag.gap.fitting.heldout import gap_mm
-from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on
 from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill
 from draglag.gap.fitting.model import LawParameters
-from draglag.gap.fitting.noise import scatter
+from draglag.gap.fitting.noise import Components, scatter
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term, linearise
 from draglag.gap.fitting.whitening import whitener
@@ -59,7 +60,7 @@ def test_a_step_keeps_what_it_promises(damping: float) -> None:
     fit = fit_session(session, gather(session))
     state = linearise(fit.runs, fit.law, fit.geometry, [Term("clock_drift")], fit.width_mm, None)
     use = fit.use & state.placed.ok
-    calm = replace(edge_mm=2.0)  # no edge so far off that it pulls with less than its square
+    calm = Components(edge_mm=2.0)  # no edge so far off that it pulls with less than its square
     white = whitener(scatter(fit.runs, state.placed, use, state.blur_mm), calm)
     down = downhill(white, state, use)
     step, promised = down.step(damping)
@@ -162,3 +163,14 @@ def test_an_interval_holds_a_drift_although_runs_scatter_more_than_noise_may(see
     low, high = parameters_of("clock_drift", fit)["drift_ppm"][1]
     assert low < 30 < high
     assert high - low < 15
+
+
+@pytest.mark.parametrize("effect", ["beam_width", "direction_asymmetry", "clock_drift", "laser_hysteresis"])
+def test_a_refit_is_no_less_likely_than_the_fit_without_its_effect(effect: str) -> None:
+    """The model with the effect contains the other one, also where neither has the effect that is there."""
+    session = simulated("scan_skew=0.02")
+    fit = fit_session(session, gather(session))
+    again = fit_session(session, fit.runs, [Term(effect)], start=fit, law=fit.law)
+    both = fit.use & again.use
+    # Weights are those of either fit: the same edges may count a few nats more or less.
+    assert log_likelihood_on(again, both) > log_likelihood_on(fit, both) - GIVEN_UP
