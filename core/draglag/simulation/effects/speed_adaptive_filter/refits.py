@@ -23,38 +23,53 @@ from draglag.simulation.effects.speed_adaptive_filter.filtering import (
 
 OWN = SpeedAdaptiveFilter.id
 SETTLED = 0.02  # of either parameter's logarithm: a twenty-fifth of what screens differ by
-ROUNDS = 5
+ROUNDS = 4  # after the first refits
 LONGEST_STEP = 0.7  # of a logarithm in one round, a factor of two: further, first order says nothing
 BEYOND_SCREENS = 3.5  # standard deviations among screens: one in two thousand would have such a filter
 BACK = 0.3  # of a step that went too far
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Refit of traces freed of the likeliest filter, if likelier than without. theta: initial setting; none: usual."""
-    setting = Setting(*theta[:2]) if theta else USUAL
-    law = _law_without(before, setting)
-    best: Fit | None = None
-    step = unsure = np.zeros(2)
-    for _ in range(ROUNDS):
-        there = setting.moved(step)
-        fit = None if law is None else refit(session, before, [*before.terms, Term(OWN, there, (0.0, 0.0))], law)
-        if fit is None and best is None:
-            return []
-        if fit is None or (best is not None and _worse(fit, best)):
-            step = BACK * step
-        else:
-            best, setting, law = fit, there, fit.law
-            step, unsure, gain = likelier(fit)
-            if _gained(before, fit) + gain < 0:
-                return []  # not even to first order does it come up to a fit without a filter
-            step = np.clip(step, -LONGEST_STEP, LONGEST_STEP)
-        if np.max(np.abs(setting.moved(step).logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD:
+    """Refit of traces freed of the likeliest filter, if likelier than without.
+
+    Begun at ``theta``; pursued from the usual filter if that is likelier.
+    """
+    best = _at(session, before, Setting(*theta[:2]) if theta else USUAL)
+    if best is None:
+        return []
+    step, unsure, gain = likelier(best)
+    for k in range(ROUNDS):
+        if _gained(before, best) + gain < 0:
+            return []  # not even to first order does it come up to a fit without a filter
+        usual = _at(session, before, USUAL) if k == 0 and theta else None
+        if usual is not None and not _worse(usual, best):
+            best = usual
+            step, unsure, gain = likelier(best)
+        there = _setting(best).moved(np.clip(step, -LONGEST_STEP, LONGEST_STEP))
+        if np.max(np.abs(there.logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD:
             return []
         if np.max(np.abs(step)) < SETTLED:
             break
-    if best is None or _worse(best, before):
+        fit = _at(session, before, there, best.law)
+        if fit is None or _worse(fit, best):
+            step = BACK * step
+        else:
+            best = fit
+            step, unsure, gain = likelier(fit)
+    if _worse(best, before):
         return []
-    return [_with_setting(best, setting._replace(sd_log_fmin=float(unsure[0]), sd_log_beta=float(unsure[1])))]
+    setting = _setting(best)._replace(sd_log_fmin=float(unsure[0]), sd_log_beta=float(unsure[1]))
+    return [replace(best, terms=tuple(replace(t, theta=setting) if t.effect == OWN else t for t in best.terms))]
+
+
+def _at(session: Session, before: Fit, setting: Setting, law: LawParameters | None = None) -> Fit | None:
+    """Refit freed of one filter. law: initial; None: without its mean delay."""
+    law = law or _law_without(before, setting)
+    return None if law is None else refit(session, before, [*before.terms, Term(OWN, setting, (0.0, 0.0))], law)
+
+
+def _setting(fit: Fit) -> Setting:
+    return Setting(*fit.terms[-1].theta[:2])
 
 
 def likelier(fit: Fit) -> tuple[FloatArray, FloatArray, float]:
@@ -67,22 +82,18 @@ def likelier(fit: Fit) -> tuple[FloatArray, FloatArray, float]:
     a, b = white.apply(np.column_stack([fit.design[:, :-2], _columns(fit)])), white.apply(fit.residual_mm)
     covariance = np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True)
     moment = a.T @ b
-    moment[own] -= Setting(*fit.terms[-1].theta[:2]).logs_from(USUAL) * prior[own]
+    moment[own] -= _setting(fit).logs_from(USUAL) * prior[own]
     gain = 0.5 * float(moment @ covariance @ moment)
     return (covariance @ moment)[own], np.sqrt(np.diag(covariance)[own]), gain
 
 
 def _columns(fit: Fit) -> FloatArray:
     """Displacement per unit of each logarithm, (m, 2) mm, from single events with their noise."""
-    traces, setting = fit.view.averaged, Setting(*fit.terms[-1].theta[:2])
+    traces, setting = fit.view.averaged, _setting(fit)
     first = first_of_contact(traces.t_s)
     behind_mm = traces.xy_mm[:, 1] - filtered(traces.t_s, traces.xy_mm, setting, first)[:, 1]
     at_rest = setting.fmin_hz / cut_off_hz(traces.t_s, traces.xy_mm, setting, first)
     return np.asarray(traces.rows @ (behind_mm[:, None] * np.column_stack([at_rest, 1 - at_rest])))
-
-
-def _with_setting(fit: Fit, setting: Setting) -> Fit:
-    return replace(fit, terms=tuple(replace(t, theta=setting) if t.effect == OWN else t for t in fit.terms))
 
 
 def _worse(fit: Fit, before: Fit) -> bool:
