@@ -25,6 +25,7 @@ from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Averaged, View
 
 FIXED = 1e9  # precision of a parameter at its bound
+START = Components(tremor_mm_s=1.0, run_mm=0.03)  # weights of a search until it has its own
 
 
 @dataclass(frozen=True)
@@ -108,11 +109,11 @@ def fit_session(
     use = use if only is None else use & only
     if not use.any():
         raise EstimateError(message("{session}: no edge can be placed on the trace", session=session.name), UNUSABLE)
-    search = Search.at(runs, states[0], use, Components())
+    search = Search.at(runs, states[0], use, START)
     for other in states[1:]:
         cost, strayed = cost_relative_to(search.white, other, search.state, use)
         if cost < cost_without_nuisances(search.white, search.state, use):
-            search = Search.at(runs, other, use & ~strayed, Components())
+            search = Search.at(runs, other, use & ~strayed, START)
     fit = _concluded(runs, descended(session, runs, search, start is not None), start, only, width_mm)
     if start is None or not _should_contain(fit, start):
         return fit
@@ -199,7 +200,7 @@ def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParam
         state = linearise(before.runs, law, before.geometry, terms, before.width_mm, None)
         state = linearise(before.runs, law, before.geometry, state.terms, before.width_mm, state)
         use = before.use & state.placed.ok & np.isfinite(state.residual)
-        white = whitener(scatter(before.runs, state.placed, use, state.blur_mm), Components())
+        white = whitener(scatter(before.runs, state.placed, use, state.blur_mm), START)
         value, _ = profile(white, state.residual[use], state.design[use], state.prior)
         values.append(value / max(int(use.sum()), 1))
     return options[int(np.argmax(values))]
