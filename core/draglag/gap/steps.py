@@ -11,7 +11,7 @@ from draglag.errors import EstimateError
 from draglag.gap.by_taps import creep_of
 from draglag.gap.constants import OWN_FORM, SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
-from draglag.gap.fitting.joint import Fit, fit_session, log_likelihood_on
+from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
 from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.posterior.answer import Answer, answer_of
@@ -220,8 +220,7 @@ def _rivals(answer: Answer, name: str) -> list[str]:
 
 def deviance_gained(before: Fit, after: Fit) -> float:
     """Twice the log-likelihood gained on common edges."""
-    both = before.use & after.use
-    return 2 * (log_likelihood_on(after, both) - log_likelihood_on(before, both))
+    return 2 * gained_nats(before, after)
 
 
 def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fit) -> list[Step]:

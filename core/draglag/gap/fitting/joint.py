@@ -119,7 +119,7 @@ def fit_session(
         return fit
     search = Search.at(runs, _begun(runs, start.law, start.geometry, terms, width_mm), use, start.white.components)
     again = _concluded(runs, descended(session, runs, search, True), start, only, width_mm)
-    return again if again.log_likelihood > fit.log_likelihood else fit
+    return again if gained_nats(fit, again) > 0 else fit
 
 
 def _should_contain(fit: Fit, start: Fit) -> bool:
@@ -127,8 +127,7 @@ def _should_contain(fit: Fit, start: Fit) -> bool:
     alike = type(fit.law) is type(start.law) and (fit.law.plateau_mm_s > 0) == (start.law.plateau_mm_s > 0)
     if fit.runs is not start.runs or not alike:
         return False
-    both = fit.use & start.use
-    return log_likelihood_on(fit, both) < log_likelihood_on(start, both)
+    return gained_nats(start, fit) < 0
 
 
 def _first_geometry(session: Session, runs: tuple[RunData, ...]) -> Geometry:
@@ -212,6 +211,12 @@ def log_likelihood_on(fit: Fit, edges: np.ndarray) -> float:
     keep = edges[fit.use]
     value = likelihoods(parts, fit.residual_mm[keep], fit.design[keep], fit.prior)
     return max(value(one) for one in fit.noises)
+
+
+def gained_nats(before: Fit, after: Fit) -> float:
+    """Log-likelihood gained on common edges."""
+    both = before.use & after.use
+    return log_likelihood_on(after, both) - log_likelihood_on(before, both)
 
 
 def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tuple[float, ...]]]:

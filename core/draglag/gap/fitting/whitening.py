@@ -92,7 +92,9 @@ def inner_products(parts: Scatter, columns: FloatArray) -> Products:
     """
 
     @cache
-    def banded(edge_mm: float, speed: float, tremor_mm_s: float, late_s: float, wander_s: float):  # type: ignore[no-untyped-def]
+    def banded(
+        edge_mm: float, speed: float, tremor_mm_s: float, late_s: float, wander_s: float
+    ) -> tuple[FloatArray, Common]:
         local = Components(edge_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0, late_s, wander_s)
         white, common = whitened_columns(parts, local, columns)
         return white.T @ white, common

@@ -9,7 +9,7 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap import constants
-from draglag.gap.fitting.joint import Fit, effects_in, fit_session, log_likelihood_on
+from draglag.gap.fitting.joint import Fit, effects_in, fit_session, gained_nats, log_likelihood_on
 from draglag.gap.fitting.law_form import LAW_FORM, flexible, knots_over
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.posterior.members import UNNAMED
@@ -164,8 +164,7 @@ def _loses(fit: Fit, before: Fit) -> bool:
     """
     if type(fit.law) is not type(before.law):
         return False
-    both = fit.use & before.use
-    return log_likelihood_on(fit, both) < log_likelihood_on(before, both) - constants.GIVEN_UP
+    return gained_nats(before, fit) < -constants.GIVEN_UP
 
 
 def _possible(effect: str, fit: Fit) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from draglag.gap.fitting.joint import Fit, log_likelihood_on
+from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.recording import Session
@@ -17,7 +17,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     """Refits of its column and of traces before it, with other windows if the latter are likelier."""
     mean = refit(session, before, [*before.terms, Term(Prediction.id)])
     usual = None if mean is None else _undone(session, before, mean, WINDOW_S)
-    if mean is None or usual is None or _likelihoods_differ_by(mean, usual) > 0:
+    if mean is None or usual is None or gained_nats(usual, mean) > 0:
         return [mean, usual]
     return [mean, usual, *(_undone(session, before, usual, window_s) for window_s in OTHER_WINDOWS_S)]
 
@@ -37,9 +37,3 @@ def _undone(session: Session, before: Fit, found: Fit, window_s: float) -> Fit |
         out = found = again
         setting_s = horizon_s
     return out
-
-
-def _likelihoods_differ_by(one: Fit, other: Fit) -> float:
-    """On common edges."""
-    both = one.use & other.use
-    return log_likelihood_on(one, both) - log_likelihood_on(other, both)

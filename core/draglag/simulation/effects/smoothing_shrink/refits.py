@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from draglag.gap.constants import HOPELESS, P_EFFECT
-from draglag.gap.fitting.joint import Fit, log_likelihood_on
+from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
@@ -25,8 +25,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     if mean is None:
         return []
     out: list[Fit | None] = [mean]
-    both = mean.use & before.use
-    if log_likelihood_on(mean, both) - log_likelihood_on(before, both) < LEAST_NATS:
+    if gained_nats(before, mean) < LEAST_NATS:
         return out
     for even in (False, True):
         found = mean

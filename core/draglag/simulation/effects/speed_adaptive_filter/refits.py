@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.fitting.joint import Fit, log_likelihood_on
+from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.model import LawParameters, starting_law
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
@@ -39,10 +39,10 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         return []
     step, unsure, gain = likelier(best)
     for k in range(ROUNDS):
-        if _gained(before, best) + gain < 0:
+        if gained_nats(before, best) + gain < 0:
             return []  # not even to first order does it come up to a fit without a filter
         usual = _at(session, before, USUAL) if k == 0 and theta else None
-        if usual is not None and not _worse(usual, best):
+        if usual is not None and gained_nats(best, usual) > 0:
             best = usual
             step, unsure, gain = likelier(best)
         there = _setting(best).moved(np.clip(step, -LONGEST_STEP, LONGEST_STEP))
@@ -51,12 +51,12 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         if np.max(np.abs(step)) < SETTLED:
             break
         fit = _at(session, before, there, best.law)
-        if fit is None or _worse(fit, best):
+        if fit is None or gained_nats(best, fit) < 0:
             step = BACK * step
         else:
             best = fit
             step, unsure, gain = likelier(fit)
-    if _worse(best, before):
+    if gained_nats(before, best) < 0:
         return []
     setting = _setting(best)._replace(sd_log_fmin=float(unsure[0]), sd_log_beta=float(unsure[1]))
     return [replace(best, terms=tuple(replace(t, theta=setting) if t.effect == OWN else t for t in best.terms))]
@@ -94,17 +94,6 @@ def _columns(fit: Fit) -> FloatArray:
     behind_mm = traces.xy_mm[:, 1] - filtered(traces.t_s, traces.xy_mm, setting, first)[:, 1]
     at_rest = setting.fmin_hz / cut_off_hz(traces.t_s, traces.xy_mm, setting, first)
     return np.asarray(traces.rows @ (behind_mm[:, None] * np.column_stack([at_rest, 1 - at_rest])))
-
-
-def _worse(fit: Fit, before: Fit) -> bool:
-    """Whether edges are less likely than before."""
-    return _gained(before, fit) < 0
-
-
-def _gained(before: Fit, fit: Fit) -> float:
-    """Log-likelihood gained on common edges."""
-    both = fit.use & before.use
-    return log_likelihood_on(fit, both) - log_likelihood_on(before, both)
 
 
 def _law_without(before: Fit, setting: Setting) -> LawParameters | None:
