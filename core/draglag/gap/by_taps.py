@@ -96,7 +96,7 @@ class Ends:
     p_any: float
 
     def sds_s(self, more: float = 0.0) -> tuple[FloatArray, float]:
-        """Standard deviations of releases about an end: known forms (k,), unknown. more: variance besides."""
+        """Standard deviations of releases about an end: known forms (k,), unknown. more: variance added."""
         return np.sqrt(self.variance + more + self.variances), float(np.sqrt(self.variance + more))
 
     def densities(self, off_s: float, more: float) -> tuple[FloatArray, float]:
