@@ -21,7 +21,7 @@ UNUSABLE = message("Check the calibration and the clocks of this session")
 STEPS, ATTEMPTS = 20, 4
 LEAST_DAMPING = 1e-5  # of the information's diagonal: the valley of two exponentials is a hundred times narrower
 STRONGER, WEAKER = 100.0, 10.0  # factors of the damping after a step that failed, and after one that did not
-IDLE = 3  # damped steps in a row
+IDLE = 3  # damped steps in a row that gain less than ENOUGH: what they move then is the rounding of the placing
 PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
 ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
 

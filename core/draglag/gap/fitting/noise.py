@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
@@ -47,9 +47,6 @@ class Components:
     late_s: float = 0.0
     wander_s: float = 0.0
 
-    def at(self, **changed: float) -> Components:
-        return replace(self, **changed)
-
 
 LOCAL: tuple[tuple[Sizes, ...], ...] = (  # kinds that trade places are sought together
     tuple({"edge_mm": e} for e in EDGE_MM),
@@ -61,14 +58,14 @@ BETWEEN = tuple(product(RUN_S, RUN_MM))
 
 
 @dataclass(frozen=True)
-class Near:
-    """Pairs of edges of one run within a memory's reach. later (b, m): edge i + j; apart_s (b, m): ∞ if none."""
+class Neighbours:
+    """Edges of one run within a memory's reach of each other. later (b, m): edge i + j; apart_s (b, m): ∞ if none."""
 
     later: IntArray
     apart_s: FloatArray
 
     @classmethod
-    def within(cls, memory_s: float, t_s: FloatArray, run: IntArray) -> Near:
+    def within(cls, memory_s: float, t_s: FloatArray, run: IntArray) -> Neighbours:
         reach_s = MEMORIES * memory_s
         in_order = t_s + run * ((np.ptp(t_s) if t_s.size else 0.0) + 2 * reach_s)
         last = np.searchsorted(in_order, in_order + reach_s, side="right")
@@ -104,7 +101,7 @@ class Scatter:
     @cached_property
     def wander_mm2_s2(self) -> FloatArray:
         """Band by a lateness that wanders."""
-        near = Near.within(MEMORY_S, self.t_s, self.run)
+        near = Neighbours.within(MEMORY_S, self.t_s, self.run)
         return near.band(self.late_mm_s, np.exp(-near.apart_s / MEMORY_S))
 
     def rms_mm(self, components: Components) -> dict[str, float]:
@@ -138,7 +135,7 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
         uneven_mm[own] = follows[own] * (speed[own] - speed[own].mean())
         if not data.steady:
             loose_s[k] = UNSTEADY * float(np.std(placed.latency_s[use][own]))
-    near = Near.within(SPEED_MEMORY_S, t_s, run)
+    near = Neighbours.within(SPEED_MEMORY_S, t_s, run)
     fixed = placed.touch_noise.band_mm2(use, near.later.shape[0])
     fixed[0] += timing_mm(placed)[use] ** 2 + NUGGET_MM2
     if blur_mm[use].any():

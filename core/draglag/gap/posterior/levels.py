@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,7 +48,7 @@ def is_sound(levels: Components) -> bool:
 
 
 def within_sound(levels: Components) -> Components:
-    return levels.at(**{name: min(getattr(levels, name), part.sound) for name, part in PARTS.items()})
+    return replace(levels, **{name: min(getattr(levels, name), part.sound) for name, part in PARTS.items()})
 
 
 def log_prior(levels: Components, unsure_ages: bool) -> float:

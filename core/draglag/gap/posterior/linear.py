@@ -7,7 +7,7 @@ r = A b + T t + Σ X_j g_j + e (docs/gap.md); b, t and g are integrated out (Ras
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
@@ -229,7 +229,7 @@ def _along(levels: Components, name: str, grid: Sequence[float], value: Callable
     for way in (1, -1):
         k = at + way
         while 0 <= k < len(grid):
-            other = levels.at(**{name: grid[k]})
+            other = replace(levels, **{name: grid[k]})
             if value(other) <= best + 1e-9:
                 break
             levels, best, k = other, value(other), k + way

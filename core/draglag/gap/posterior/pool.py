@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -134,7 +134,7 @@ def _likely_levels(
     if not out:
         found = likeliest_levels(linear)
         # A single run that lies off makes all runs seem to scatter: it is judged where the others scatter little, too.
-        sound = found.at(run_s=min(found.run_s, Components().run_s))
+        sound = replace(found, run_s=min(found.run_s, Components().run_s))
         out |= dict.fromkeys((*_and_sound(linear, found), *_and_sound(linear, sound)))
     search = _searched(linear, tuple(out), without, most)
     best = _own_best(search)
