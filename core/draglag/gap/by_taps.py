@@ -125,9 +125,8 @@ class Ends:
         sizes_s, (low, high), sd_s = off_s - self.at_s, self.any_s, self.sds_s()[0]
         widest = 4 * float(sd_s.max())
         grid = np.linspace(min(*sizes_s, off_s - high) - widest, max(*sizes_s, off_s - low) + widest, POINTS)
-        below = known @ norm.cdf(grid, sizes_s[:, None], sd_s[:, None]) + unknown * uniform.cdf(
-            grid, off_s - high, high - low
-        )
+        below = known @ norm.cdf(grid, sizes_s[:, None], sd_s[:, None])
+        below += unknown * uniform.cdf(grid, off_s - high, high - low)
         whole = known.sum() + unknown
         ends = np.interp(np.array([0.025, 0.975]) * whole, below, grid)
         middle = (known @ sizes_s + unknown * (off_s - 0.5 * (low + high))) / whole
