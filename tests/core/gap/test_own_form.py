@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from draglag.gap import GapReport, close_gap
 from draglag.gap.replaying.replay import Replay, replays
-from draglag.protocol.runs import load_protocol
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effect
@@ -32,12 +32,16 @@ LAW = Logistic(50.0, 0.0, 0.0, 0.0, 30.0)
 
 
 @pytest.fixture(scope="module")
-def session() -> Session:
+def circles() -> Protocol:
     demo = load_protocol("demo")
     runs = tuple(r.model_copy(update={"duration_s": 20.0}) for r in demo.runs if r.kind == "circle")
+    return demo.model_copy(update={"runs": runs, "taps": None})
+
+
+@pytest.fixture(scope="module")
+def session(circles: Protocol) -> Session:
     rig = replace(rig_for_screen("screen-1"), law=LAW)
-    protocol = demo.model_copy(update={"runs": runs, "taps": None})
-    return simulate_session(rig, protocol, effects=[parse_effect("laser_hysteresis=0.0018")], seed=5)
+    return simulate_session(rig, circles, effects=[parse_effect("laser_hysteresis=0.0018")], seed=5)
 
 
 @pytest.fixture(scope="module")
@@ -78,3 +82,22 @@ def test_the_law_fitted_with_the_effect_is_the_screens(report: GapReport) -> Non
 def test_the_session_simulated_again_has_that_law(again: Replay) -> None:
     agree, of = again.runs_that_agree
     assert agree >= of - 1
+
+
+@dataclass(frozen=True)
+class Resonant(LatencyLaw):
+    """A latency that is larger about one speed: no law of a panel is so narrow."""
+
+    def latency_s(self, speed_mm_s: ArrayLike) -> NDArray[np.float64]:
+        speed = np.asarray(speed_mm_s, float)
+        about = np.exp(-0.5 * ((speed - 120.0) / 15.0) ** 2)
+        return np.asarray(0.03 + 0.05 * np.exp(-speed / 80.0) + 1e-3 * self.a1_ms * about)
+
+
+@pytest.mark.parametrize(("size_ms", "verdict"), [(0.0, ("no_gap", None)), (6.0, ("unexplained", "speed"))])
+def test_a_latency_about_one_speed_is_no_scatter_of_runs(
+    circles: Protocol, size_ms: float, verdict: tuple[str, str | None]
+) -> None:
+    rig = replace(rig_for_screen("screen-1"), law=Resonant(size_ms, 0.0, 0.0, 0.0, 30.0))
+    report = close_gap(simulate_session(rig, circles, seed=5), candidates=("clock_drift",))
+    assert (report.verdict, report.unexplained_by) == verdict

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from draglag.gap.constants import LAW_LENGTH
 from draglag.gap.fitting.model import Geometry, LawParameters, side_of
 from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
@@ -23,6 +24,8 @@ COLUMNS = {
 MARGIN = 0.1  # of the panel's width
 JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
 MOMENTS = np.linspace(0.2, 0.8, 24)  # of the session: some runs have to lie before it and some after
+SPEEDS = np.linspace(0.02, 0.98, 24)  # of the span of ln v: where the latency may be another
+NARROW = LAW_LENGTH / 3  # of ln v: structure in speed that the curve's own form cannot have
 
 
 def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: float) -> View:
@@ -126,7 +129,7 @@ def shape_free(v: View) -> dict[tuple[str, str], FloatArray]:
 
 
 def jumps(v: View) -> list[tuple[str, str, Signature]]:
-    """(covariate, role, signature) of jumps in position or latency."""
+    """(covariate, role, signature) of jumps in position or latency, and of a latency about one speed."""
     at = np.quantile(v.x_mm, JUMPS)
     shifted = v.averaged.rows @ (v.averaged.x_mm[:, None] > at).astype(float)
     out = []
@@ -140,4 +143,8 @@ def jumps(v: View) -> list[tuple[str, str, Signature]]:
         where = (float(moment),)
         out.append(("session_time", "jump", Signature(offset=later, theta=where)))
         out.append(("session_time", "latency jump", Signature(latency=later, theta=where)))
+    ln = np.log(v.speed)
+    for middle in np.quantile(ln, [0, 1]) @ np.vstack([1 - SPEEDS, SPEEDS]):
+        near = column(np.exp(-0.5 * ((ln - middle) / NARROW) ** 2))
+        out.append(("speed", "latency bump", Signature(latency=near, theta=(float(middle),))))
     return out
