@@ -9,11 +9,17 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from draglag.gap import GapReport, close_gap
+from draglag.gap.fitting.joint import fit_session
+from draglag.gap.fitting.parameters import parameters_of
+from draglag.gap.posterior.judge import with_own_form
+from draglag.gap.proposing.proposals import refits_with
 from draglag.gap.replaying.replay import Replay, replays
+from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects.second_filter_mode import SecondFilterMode
 from draglag.simulation.law import LatencyLaw
 
 MIDDLE_MM_S, STEEP = 200.0, 4.0
@@ -101,3 +107,14 @@ def test_a_latency_about_one_speed_is_no_scatter_of_runs(
     rig = replace(rig_for_screen("screen-1"), law=Resonant(size_ms, 0.0, 0.0, 0.0, 30.0))
     report = close_gap(simulate_session(rig, circles, seed=5), candidates=("clock_drift",))
     assert (report.verdict, report.unexplained_by) == verdict
+
+
+def test_a_step_is_sought_next_to_the_curves_own_form(circles: Protocol) -> None:
+    rig = replace(rig_for_screen("screen-1"), law=LAW)
+    session = simulate_session(rig, circles, effects=[SecondFilterMode(0.012, 550.0)], seed=5)
+    first = fit_session(session, gather(session))
+    own = with_own_form(session, first)
+    (fit,) = refits_with(session, own, "second_filter_mode", ())
+    low_s, high_s = parameters_of("second_filter_mode", fit)["extra_s"][1]
+    assert fit.law.remainder_s  # Eq. 5 alone bends about the fall of this law, and takes the step for 8 ms more
+    assert low_s < 0.012 < high_s

@@ -17,6 +17,7 @@ from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, rema
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.noise import Components, Scatter
 from draglag.gap.fitting.state import Term
+from draglag.gap.posterior.judge import likeliest
 from draglag.gap.posterior.levels import log_prior
 from draglag.gap.posterior.linear import Linear, normal
 from draglag.gap.posterior.members import Member, of_unit_rms
@@ -195,3 +196,14 @@ def test_a_session_without_data_says_what_it_lacks() -> None:
     poor = close_gap(replace(session, runs=session.runs[:2]))
     assert poor.verdict is None
     assert any("at least 5 are needed" in words for words in poor.missing)
+
+
+@pytest.mark.parametrize(("left_s2", "kept"), [(-0.2 * 0.03**2, True), (-(0.03**2), False)])
+def test_a_refit_that_puts_back_what_an_earlier_effect_has_undone_is_none(left_s2: float, kept: bool) -> None:
+    """A low-pass of 30 ms undone in the traces, and a column of it that takes a part, or all of it, back."""
+    first = sound_sessions.report_of_demo().first
+    assert first is not None
+    terms = (Term("smoothing_shrink", (0.03,), (left_s2,)), Term("clock_drift", (), (5e-5,)))
+    fit = replace(first, terms=terms, design=np.column_stack([first.design, np.zeros((first.design.shape[0], 2))]))
+    fit = replace(fit, prior=np.append(first.prior, [1.0, 1.0]), covariance=np.eye(fit.design.shape[1]))
+    assert (likeliest([fit], first, "clock_drift") is fit) == kept

@@ -17,10 +17,11 @@ from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, compared, unsound_
 from draglag.gap.proposing.of_effect import refit_module
 from draglag.gap.proposing.proposals import refits_with, shown_by_edges, shown_by_traces
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS, effect_class
+from draglag.simulation.effects import EFFECTS, column_of, effect_class
 
 DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
 PROPOSED = 3  # effects that are then refitted
+LEAST_KEPT = 0.5  # of what is undone in traces: with less, its column has put an earlier effect back
 PROMISING = 5.0  # nats that one of those gains alone
 Progress = Callable[[float, str], None]
 
@@ -54,6 +55,7 @@ def judged(
         fits = {inside: with_own_form(session, first)}
         pool = compared(list(fits.values()), allowed, unsure_ages, most=most_effects)
     barred: set[str] = set()
+    refuted: set[Names] = set()
     proposed: set[Names] = set()
     tried: set[tuple[Names, str]] = set()
     rivals = _rivals(pool, first, allowed)
@@ -77,12 +79,31 @@ def judged(
             if not found:
                 break
         fits |= found
-        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool)
+        refuted = (refuted - found.keys()) | _refuted(fits, found)
+        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool, refuted)
+    # Edges that only a refuted explanation left open count again.
+    whole = [fit for names, fit in fits.items() if fit.only is None or set(names) <= set(pool.best)]
+    if len(whole) < len(fits):
+        pool = compared(whole, allowed, unsure_ages, barred, most_effects, pool, refuted)
     if fits[inside] is not first and not _has_own_form(pool):
         fits = {inside: first}
         fits |= grown(session, fits, pool, _effects_of(pool.best))
-        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool)
+        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool, refuted)
     return Judgement(pool, fits)
+
+
+def _refuted(fits: dict[Names, Fit], new: Collection[Names]) -> set[Names]:
+    """New sets whose refit gains less over one without an effect than the effect's name costs.
+
+    Where columns of another fit promise them more, they are extrapolated.
+    """
+    out = set()
+    for names in new:
+        fewer = (tuple(other for other in names if other != name) for name in names)
+        known = [fits[less] for less in fewer if less in fits and type(fits[less].law) is type(fits[names].law)]
+        if any(gained_nats(before, fits[names]) < -np.log(constants.P_EFFECT) for before in known):
+            out.add(names)
+    return out
 
 
 def _has_own_form(pool: Pool) -> bool:
@@ -149,12 +170,24 @@ def grown(
 def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
     """Likeliest possible refit on shared edges; None if as small as on sound rigs."""
     enough = constants.LEAST_EDGES * np.count_nonzero(base.use)
-    options = [fit for fit in options if np.count_nonzero(fit.use) >= enough and _possible(effect, fit)]
+    options = [fit for fit in options if np.count_nonzero(fit.use) >= enough]
+    options = [fit for fit in options if _possible(effect, fit) and _keeps(fit, effect)]
     if not options:
         return None
     both = np.logical_and.reduce([fit.use for fit in options])
     best = max(options, key=lambda fit: log_likelihood_on(fit, both))
     return None if _sound(effect, best) else best
+
+
+def _keeps(fit: Fit, added: str) -> bool:
+    """Whether what earlier effects have undone in the traces stays so, and their columns do not put it back."""
+    for term in fit.terms:
+        if term.effect == column_of(added):
+            continue
+        whole = effect_class(term.effect).whole_sizes(term, fit)
+        if np.linalg.norm(whole) < LEAST_KEPT * np.linalg.norm(whole - np.array(term.sizes)):
+            return False
+    return True
 
 
 def _loses(fit: Fit, before: Fit) -> bool:

@@ -93,8 +93,12 @@ def compared(
     without: Collection[str] = (),
     most: int = constants.MOST_MEMBERS,
     before: Pool | None = None,
+    refuted: Collection[Names] = (),
 ) -> Pool:
-    """Explanations at the fits, smallest first; a fit judges only sets with all its effects. before: keeps levels."""
+    """Explanations at the fits, smallest first; a fit judges only sets with all its effects.
+
+    before: keeps levels. refuted: no set has all of these effects.
+    """
     edges = np.logical_and.reduce([fit.use for fit in fits])
     made = () if before is None else before.searches
     known = {id(search.linear.fit): search.linear for search in made}
@@ -113,6 +117,8 @@ def compared(
     for search in searches:
         open_nats = freedom_nats(search.linear.fit, fits[0])
         for names, one in _by_names(search, open_nats).items():
+            if any(set(names).issuperset(these) for these in refuted):
+                continue
             if names not in found or one.log_mass > found[names].log_mass:
                 found[names] = one
     kept = tuple(_that_matter(found, tuple(levels)))

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from draglag.simulation.effects.fitted_shape import FittedShape
 
 THRESHOLDS = {By.SPEED: "threshold_mm_s", By.ACCELERATION: "threshold_mm_s2"}
+RUNS_DIFFER_S = 7e-4
+"""s. Runs of sound panels differ by about this (fact sheet on the gap): a smaller step cannot be told from it."""
 LOWEST, HIGHEST = 0.8, 1.25  # of a threshold: edges lie at speeds that far apart
 SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
 SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
@@ -42,7 +44,7 @@ class SecondFilterMode(Effect):
     undone_in: ClassVar[str] = "law of speed"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.second_filter_mode.refits"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("extra_s", "s", -0.05, 0.05, 0.006),
+        Parameter("extra_s", "s", -0.05, 0.05, 0.006, sound=RUNS_DIFFER_S),
         Parameter("threshold_mm_s", "mm/s", 10.0, 2000.0, 300.0),
     )
 

@@ -89,7 +89,8 @@ def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step:
         speeds = [v * setting.above for v in NEAR]
     size_s = SecondFilterMode.parameters[0].typical
     if step is not None:
-        law, speeds, size_s = step.law, [*speeds, *step.thresholds_mm_s()], step.size_s
+        law = law if law.remainder_s else step.law  # Eq. 5 bends about a step, the curve's own form stays
+        speeds, size_s = [*speeds, *step.thresholds_mm_s()], step.size_s
     options = [[*before.terms, Term(OWN, Setting(float(v), By.SPEED).theta, (size_s,))] for v in speeds]
     terms = most_promising(before, options, law)
     return refit(session, before, terms, law, away(before.placed, _setting(terms[-1]), size_s))

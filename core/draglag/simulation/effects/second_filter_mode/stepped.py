@@ -10,9 +10,9 @@ import numpy as np
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.traces.run_data import RunData
 from draglag.recording import FloatArray
+from draglag.simulation.effects.second_filter_mode import RUNS_DIFFER_S
 
 RATES_S_MM = np.geomspace(8e-4, 0.06, 24)
-RUN_SD_S = 7e-4  # runs differ by about this (fact sheet on the gap)
 LEAST_GAIN = 12.0
 
 
@@ -42,7 +42,7 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
     if len(rows) < 8:
         return None
     v, latency, se = np.array(sorted(rows), float).T
-    weight = 1 / np.hypot(se, RUN_SD_S)
+    weight = 1 / np.hypot(se, RUNS_DIFFER_S)
     slow, fast = np.triu_indices(RATES_S_MM.size, 1)
     rates = np.column_stack([RATES_S_MM[slow], RATES_S_MM[fast]])
     base = np.stack([*(np.exp(-rates[:, [k]] * v) for k in (0, 1)), np.ones((rates.shape[0], v.size))], axis=2)
