@@ -43,7 +43,10 @@ def begin(window: OperatorWindow, asked: bool = False) -> None:
         if not _start_anyway(window, " ".join(problems)):
             return
     try:
-        space.recording.start(make_order(space))
+        order = make_order(space)
+        if order.display != "offscreen":
+            window.pages.make_all()  # to make one during a run would hold up the target's picture
+        space.recording.start(order)
     except DraglagError as error:
         window.notify("error", error.message)
 

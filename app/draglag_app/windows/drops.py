@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import QEvent, QMimeData, QObject
 from PySide6.QtGui import QDropEvent
-from PySide6.QtWidgets import QLineEdit
+from PySide6.QtWidgets import QLineEdit, QWidget
 
 from draglag_app.windows.pages.compare import ComparePage
 
@@ -16,16 +16,11 @@ if TYPE_CHECKING:
 
 
 class Drops(QObject):
-    """Opens a dropped session, compares several.
-
-    Fields accept none: they would insert the path as text.
-    """
+    """Opens a dropped session, compares several."""
 
     def __init__(self, window: OperatorWindow) -> None:
         super().__init__(window)
         self._window = window
-        for field in window.findChildren(QLineEdit):
-            field.setAcceptDrops(False)
         window.setAcceptDrops(True)
         window.installEventFilter(self)
 
@@ -40,12 +35,20 @@ class Drops(QObject):
         return bool(paths)
 
     def _take(self, paths: list[Path]) -> None:
-        window, page = self._window, self._window.pages["compare"][1]
-        if len(paths) == 1 or window.space.recording.active or not isinstance(page, ComparePage):
+        window = self._window
+        if len(paths) == 1 or window.space.recording.active:
             window.open_file(paths[0])
             return
+        _, page = window.pages["compare"]
+        assert isinstance(page, ComparePage)
         window.go("compare")
         page.add_files(paths)
+
+
+def refuse_drops(root: QWidget) -> None:
+    """Let fields accept none: they would insert the path as text."""
+    for field in root.findChildren(QLineEdit):
+        field.setAcceptDrops(False)
 
 
 def dropped(data: QMimeData) -> list[Path]:

@@ -27,7 +27,7 @@ class OneMonitor(QObject):
         self._window = window
         self._bar: RestBar | None = None
         window.space.recording.dock = window.record.live.dock
-        window.space.calibrating.dock = window.geometry_page.calibration.dock
+        window.space.calibrating.dock = lambda picture: window.geometry_page.calibration.dock(picture)
         bridge = window.space.bridge
         bridge.resting.connect(lambda event: self._to_operator())
         bridge.place_wanted.connect(lambda event: self._to_operator())

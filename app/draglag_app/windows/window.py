@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 
 from draglag_app.session import events
 from draglag_app.windows import exports, files
-from draglag_app.windows.actions import ACTIONS, Actions, keys_of
+from draglag_app.windows.actions import Actions
 from draglag_app.windows.another_place import ask_another_place, withdraw
 from draglag_app.windows.beginning import begin
 from draglag_app.windows.drops import Drops
@@ -29,20 +29,17 @@ from draglag_app.windows.leaving import sure_to_stop
 from draglag_app.windows.navigation import Navigation
 from draglag_app.windows.notice import NoticeStrip
 from draglag_app.windows.one_monitor import OneMonitor
-from draglag_app.windows.pages import make_pages
+from draglag_app.windows.pages import Pages
 from draglag_app.windows.pages.bench import BenchPage
 from draglag_app.windows.pages.geometry import GeometryPage
 from draglag_app.windows.pages.help import HelpPage
 from draglag_app.windows.pages.preferences import PreferencesPage
 from draglag_app.windows.pages.record import RecordPage
-from draglag_app.windows.parts.field_keys import FieldKeys
 from draglag_app.windows.parts.file_dialogs import close_file_dialogs
-from draglag_app.windows.parts.finger_lists import raise_rows
-from draglag_app.windows.parts.finger_scroll import scroll_by_finger
-from draglag_app.windows.parts.keyed_buttons import show_keys
 from draglag_app.windows.parts.page_stack import ColumnScroll, PageScroll, PageStack
 from draglag_app.windows.parts.recent_menu import RecentMenu
 from draglag_app.windows.parts.theme import apply_theme, theme, wide
+from draglag_app.windows.ready import make_ready, show_chosen_keys
 from draglag_app.windows.session_dialog import SessionDialog
 from draglag_app.windows.settings import Settings
 from draglag_app.windows.start import obstacles
@@ -65,7 +62,7 @@ class OperatorWindow(QMainWindow):
         self.resize(1280, 800)
         self.space = Workspace(settings, settings_file, self)
         self._keys: dict[str, str] = {}
-        self.pages = make_pages(self.space)
+        self.pages = Pages(self.space, self._take_page)
         self.keyboard = Keyboard(self)
         self.actions_table = Actions(self, self._handlers())
         self.run_keys = self.actions_table.run_keys
@@ -74,24 +71,9 @@ class OperatorWindow(QMainWindow):
         self.actions_table.add_recent(self.menuBar(), self.recent)
         self.actions_table.follow(self.space.undo)
         self._fill_frame()
-        FieldKeys(self)
-        raise_rows(self)
-        scroll_by_finger(self)
+        make_ready(self, self._keys)
         Drops(self)
-        record = self.pages["record"][1]
-        assert isinstance(record, RecordPage)
-        self.record = record
-        bench = self.pages["bench"][1]
-        assert isinstance(bench, BenchPage)
-        self.bench = bench
-        geometry = self.pages["geometry"][1]
-        assert isinstance(geometry, GeometryPage)
-        self.geometry_page = geometry
-        record.asks.connect(self.ask)
-        bench.checked.connect(self._checked)
-        preferences = self.pages["preferences"][1]
-        assert isinstance(preferences, PreferencesPage)
-        preferences.theme_chosen.connect(self.use_theme)
+        self._make_first_pages()
         recording, bridge = self.space.recording, self.space.bridge
         recording.began.connect(lambda order: self._recording_changed(True))
         recording.ended.connect(self._ended)
@@ -100,7 +82,6 @@ class OperatorWindow(QMainWindow):
         bridge.device_fault.connect(lambda fault: self.notify("error", fault_words(fault.problem, fault.remedy)))
         self.space.noticed.connect(self.notify)
         self.space.saved.connect(self.notice.saved)
-        record.noted.connect(self.keyboard.give_back)
         self.header.lights_changed.connect(self._show_readiness)
         self.space.settings_changed.connect(self._use_keys)
         self._use_keys()
@@ -121,6 +102,9 @@ class OperatorWindow(QMainWindow):
         outer = QVBoxLayout(middle)
         outer.setContentsMargins(0, 0, 0, 0)
         outer.setSpacing(0)
+        # Before the rest: Tab goes from the page, which may be made last of all, to the notice, then to the header.
+        self.notice = NoticeStrip(self.space.tasks, middle)
+        self.notice_text = self.notice.text
         self.header = Header(self.space)
         outer.addWidget(self.header)
         self.header.help.clicked.connect(lambda: self.ask("help_here"))
@@ -130,17 +114,36 @@ class OperatorWindow(QMainWindow):
         row = QHBoxLayout()
         outer.addLayout(row, 1)
         row.setSpacing(0)
-        titles = {name: title for name, (title, _) in self.pages.items()}
-        self.navigation = Navigation(titles, self.actions_table.made)
+        self.navigation = Navigation(self.pages.titles, self.actions_table.made)
         self.navigation.chosen.connect(self.go)
         row.addWidget(ColumnScroll(self.navigation))
         self.stack = PageStack()
         row.addWidget(PageScroll(self.stack), 1)
-        for _, page in self.pages.values():
-            self.stack.addWidget(page)
-        self.notice = NoticeStrip(self.space.tasks)
-        self.notice_text = self.notice.text
         outer.addWidget(self.notice)
+        self.notice.raise_()  # what reads the window to the operator goes from top to bottom
+
+    def _make_first_pages(self) -> None:
+        """Those that miss something if they come later: a check of the rig, a recording, notices."""
+        (_, bench), (_, record), _ = (self.pages[name] for name in ("bench", "record", "log"))
+        assert isinstance(bench, BenchPage)
+        assert isinstance(record, RecordPage)
+        self.bench, self.record = bench, record
+        bench.checked.connect(self._checked)
+        record.asks.connect(self.ask)
+        record.noted.connect(self.keyboard.give_back)
+
+    def _take_page(self, page: QWidget) -> None:
+        self.stack.addWidget(page)
+        make_ready(page, self._keys)
+        if isinstance(page, PreferencesPage):
+            page.theme_chosen.connect(self.use_theme)
+
+    @property
+    def geometry_page(self) -> GeometryPage:
+        """The page Geometry."""
+        _, page = self.pages["geometry"]
+        assert isinstance(page, GeometryPage)
+        return page
 
     # --- asking ---------------------------------------------------------------------------------------------
 
@@ -241,7 +244,7 @@ class OperatorWindow(QMainWindow):
 
     def help_here(self) -> None:
         """Show the manual on the present page."""
-        title = self.pages[self.page][0]
+        title = self.pages.titles[self.page]
         self.go("help")
         page = self.pages["help"][1]
         assert isinstance(page, HelpPage)
@@ -278,7 +281,6 @@ class OperatorWindow(QMainWindow):
         self.actions_table.set_recording(recording)
         self.keyboard.serve()
         self.one_monitor.begin()
-        self.geometry_page.calibration.refresh()
         self.record.set_recording(recording)
         self._show_title()
         self._show_readiness()
@@ -298,7 +300,7 @@ class OperatorWindow(QMainWindow):
     def page(self) -> str:
         """The name of the present page."""
         shown = self.stack.currentWidget()
-        return next((name for name, (_, page) in self.pages.items() if page is shown), "bench")
+        return next((name for name, page in self.pages.made.items() if page is shown), "bench")
 
     def _use_keys(self) -> None:
         chosen = self.space.settings.keys
@@ -306,11 +308,10 @@ class OperatorWindow(QMainWindow):
             return
         self._keys = dict(chosen)
         self.actions_table.use_keys(chosen)
-        usual, present = ({spec.id: keys_of(spec.id, which) for spec in ACTIONS} for which in ({}, chosen))
-        show_keys(self, usual, present)
-        help_page = self.pages["help"][1]
-        assert isinstance(help_page, HelpPage)
-        help_page.show_keys()
+        show_chosen_keys(self, chosen)
+        help_page = self.pages.made.get("help")
+        if isinstance(help_page, HelpPage):
+            help_page.show_keys()
 
     def figure_source(self) -> str:
         """The source of this window's figures."""
@@ -347,7 +348,7 @@ class OperatorWindow(QMainWindow):
         assert isinstance(application, QApplication)
         apply_theme(application, name)
         self.navigation.paint_icons()
-        for _, page in self.pages.values():
+        for page in self.pages.made.values():
             redraw = getattr(page, "restyle_plots", None)
             if redraw is not None:
                 redraw()

@@ -24,6 +24,7 @@ from draglag_app.windows.recording.calibrating import Calibrating
 from draglag_app.windows.recording.live_estimates import LiveEstimates
 from draglag_app.windows.recording.session_thread import Recording
 from draglag_app.windows.settings import Settings, save_settings
+from draglag_app.windows.wording.i18n import language_of
 from draglag_app.windows.wording.library_words import in_words
 
 
@@ -60,6 +61,7 @@ class Workspace(QObject):
         super().__init__(parent)
         self.settings = settings
         self.settings_file = settings_file
+        self.language = language_of(settings.language)  # of all texts, until the window is opened again
         self.undo = QUndoStack(self)
         self.tasks = Tasks(self)
         self.quiet_tasks = Tasks(self)  # work nobody asked for; it shows no progress and gives way to a recording

@@ -118,6 +118,7 @@ def labels(plot: PlotFrame) -> Iterator[tuple[str, QColor]]:
 def test_every_word_of_every_plot_can_be_read(
     opened: OperatorWindow, until: Callable, qapp: QApplication, name: str
 ) -> None:
+    opened.pages.make_all()
     opened.use_theme(name)
     opened.go("results")
     results = opened.pages["results"][1]

@@ -29,6 +29,7 @@ _NO_UNIT = {"taps", "effects in the model"}
 
 
 def plots(window: OperatorWindow) -> list[Plot]:
+    window.pages.make_all()
     return window.findChildren(Plot)
 
 

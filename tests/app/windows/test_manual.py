@@ -19,6 +19,7 @@ from draglag_resources import resource
 
 def test_the_manual_describes_what_the_window_can_do_by_the_names_it_has_there(open_window: Callable) -> None:
     window = open_window()
+    window.pages.make_all()
     there = {one.text() for one in window.findChildren(QPushButton)}
     named = {
         "Look for devices", "Show the bar", "Correct", "Rotate 90°", "Save…", "Keep results", "Explain the gap",

@@ -581,6 +581,7 @@ def test_everything_to_press_or_fill_in_is_large_enough_for_a_finger(open_window
 
 def test_lists_that_drop_down_have_rows_for_a_finger(open_window: Callable) -> None:
     window = open_window()
+    window.pages.make_all()
     window.ask("details")
     QApplication.processEvents()
     for box in window.findChildren(QComboBox):
@@ -590,7 +591,9 @@ def test_lists_that_drop_down_have_rows_for_a_finger(open_window: Callable) -> N
 
 
 def test_a_finger_scrolls_pages_and_lists_and_moves_plots(open_window: Callable) -> None:
-    areas = open_window().findChildren(QAbstractScrollArea)
+    window = open_window()
+    window.pages.make_all()
+    areas = window.findChildren(QAbstractScrollArea)
     plots = [area for area in areas if isinstance(area, QGraphicsView)]
     others = [area for area in areas if not isinstance(area, QGraphicsView)]
     assert plots

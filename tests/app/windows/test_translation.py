@@ -137,9 +137,10 @@ def test_pages_say_in_dutch_why_something_is_refused(qapp: QApplication, open_wi
         )
         off = message("target {target} is off by {off_mm:.1f} mm after the fit (limit {limit_mm:.1f} mm)",
                       target=5, off_mm=12.0, limit_mm=2.0)  # fmt: skip
+        verdict = window.geometry_page.calibration.verdict
         window.space.calibrating.refused.emit(DataError(off).message)
         dutch = "doel 5 ligt na de fit 12.0 mm ernaast (grens 2.0 mm)."
-        assert window.geometry_page.calibration.verdict.text() == window.notice_text.text() == dutch
+        assert verdict.text() == window.notice_text.text() == dutch
     finally:
         use_language(qapp, "en")
 

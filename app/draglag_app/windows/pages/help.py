@@ -21,7 +21,6 @@ from draglag_app.windows.parts.columns import Columns
 from draglag_app.windows.parts.pictured_text import PICTURE, PicturedText
 from draglag_app.windows.parts.theme import wide
 from draglag_app.windows.parts.widgets import restyle
-from draglag_app.windows.wording.i18n import language_of
 from draglag_app.windows.workspace import Workspace
 from draglag_resources import resource
 
@@ -84,7 +83,7 @@ class HelpPage(QWidget):
 
     def restyle_plots(self) -> None:
         """Draw in the present theme."""
-        self.manual.show_markdown(manual_text(language_of(self._space.settings.language)))
+        self.manual.show_markdown(manual_text(self._space.language))
         _give_air(self.manual.document())
         self.contents.blockSignals(True)
         self.contents.clear()

@@ -84,6 +84,7 @@ class ResultsPage(QWidget):
         workspace.analysis_changed.connect(self._analysis_changed)
         workspace.comments_changed.connect(lambda: self.table.show_comments(workspace.comments))
         self._session_changed()
+        self._analysis_changed()
 
     def _runs_row(self) -> Flow:
         row = Flow()

@@ -66,6 +66,8 @@ class CalibrationPanel(Panel):
         for made in (self.begin, self.back, self.cancel, self.save, self.forget):
             row.addWidget(made)
         self.body.addLayout(row)
+        workspace.recording.began.connect(lambda order: self.refresh())
+        workspace.recording.ended.connect(lambda path, problem: self.refresh())
         calibrating.changed.connect(self.refresh)
         calibrating.made.connect(self._store)
         calibrating.refused.connect(self._refused)
