@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 from tests.blind.physics.law import Law
-from tests.blind.physics.motion import Motion
+from tests.blind.physics.motion import Motion, tracked
 from tests.blind.physics.real.beam import Sensor, crossings
 
 LEAST_DELAY_S = 0.001
+TRACKED_S = 0.05  # over which a tracker follows the velocity
 CATCH_UP = 0.03  # of real time: where the latency falls faster than time passes, the trace shows the past this slowly
 
 
@@ -29,8 +29,7 @@ def reports(
     rng: np.random.Generator, panel: Panel, motion: Motion, span_s: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Stamps (m,), x and y (m,) of the reports, and the delay (n,) s with which they show the place of every step."""
-    # A tracker follows the velocity over some 50 ms.
-    v = gaussian_filter1d(motion.speed_mm_s, 0.05 * motion.step_hz, truncate=3.0)
+    v = tracked(motion.speed_mm_s, TRACKED_S, motion.step_hz)
     behind = np.maximum(panel.law(v), LEAST_DELAY_S)
     steady = CATCH_UP * motion.t_s
     shown_at = np.maximum.accumulate(motion.t_s + behind - steady) + steady

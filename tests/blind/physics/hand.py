@@ -1,10 +1,9 @@
 """A target moves, a hand follows it, the stylus's tip is where the hand is."""
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 from scipy.signal import bilinear, lfilter
 
-from .motion import Motion
+from .motion import Motion, tracked
 from .rig import Rig, RunPlan
 
 STEP_HZ = 2000.0
@@ -38,7 +37,7 @@ def move(rig: Rig, run: RunPlan, rng: np.random.Generator) -> Motion:
         drag.append(np.gradient(intended, dt))
     # What a digitiser's tracker takes for the speed of the drag: of the movement without the tremor, over its window.
     # (Smoothing the speed, not the velocity: on a small fast circle that would read low.)
-    speed = gaussian_filter1d(np.hypot(*drag), rig.speed_window_s * STEP_HZ, truncate=3.0)
+    speed = tracked(np.hypot(*drag), rig.speed_window_s, STEP_HZ)
     return Motion(since + run.start_s, *tip, *drag, speed, np.gradient(speed, dt), STEP_HZ)
 
 

@@ -3,10 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from ..hand import multisine_mm, steps_mm
-from ..motion import Motion
+from ..motion import Motion, tracked
 from ..rig import Rig, RunPlan, stream
 from .hand import STEP_HZ, clock, drag, follow
 
@@ -31,5 +30,5 @@ def move(rig: Rig, run: RunPlan, seed: int) -> Motion:
         y = multisine_mm(since, height) if run.protocol == "multisine" else steps_mm(since, height, rng)
         motion = follow(rng, since, x, middle + y)
     # What a digitiser's tracker takes for the speed: that of its window.
-    speed = gaussian_filter1d(motion.speed_mm_s, rig.speed_window_s * STEP_HZ, truncate=3.0)
+    speed = tracked(motion.speed_mm_s, rig.speed_window_s, STEP_HZ)
     return replace(motion, t_s=motion.t_s + run.start_s, speed_mm_s=speed, along_mm_s2=np.gradient(speed, 1 / STEP_HZ))
