@@ -52,6 +52,8 @@ _SETTINGS: dict[str, Any] = {
     "lines.markersize": 5.5,
     "savefig.dpi": 150,
     "figure.facecolor": "white",
+    "figure.autolayout": False,  # nor the other: a figure has the layout it was made with
+    "figure.constrained_layout.use": False,
     "svg.fonttype": "path",
     "text.parse_math": False,  # a name with $ in it is a name
     "svg.hashsalt": "draglag",
@@ -122,9 +124,18 @@ def save(figure: Any, folder: Any, name: str, source: Source) -> str:
     import io
 
     sign(figure, source)
+    lay_out(figure)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": "draglag"})
     svg = buffer.getvalue().decode()
     (folder / f"{name}.svg").write_text(svg, "utf-8")
     figure.savefig(folder / f"{name}.png", metadata={"Software": "draglag"})
     return svg
+
+
+def lay_out(figure: Any) -> None:
+    """Place the figure's parts for good: with a layout engine, ``savefig`` does so and draws twice for each format."""
+    figure.set_dpi(_SETTINGS["savefig.dpi"])  # widths of letters depend on it
+    if figure.axes:
+        figure.get_layout_engine().execute(figure)
+    figure.set_layout_engine(None)

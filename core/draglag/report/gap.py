@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from draglag.drawing.style import FIGURE_CSS, house_style, sign, themed
+from draglag.drawing.style import FIGURE_CSS, house_style, lay_out, sign, themed
 from draglag.errors import DataError, DraglagError, cause
 from draglag.gap.provisional import Provisional
 from draglag.gap.replaying.replay import Replay, replays
@@ -220,6 +220,7 @@ def _explanations(report: GapReport) -> str:
 
 def _svg(figure: Any, source: Source) -> str:
     sign(figure, source)
+    lay_out(figure)
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg")
     text = buffer.getvalue()
