@@ -44,27 +44,43 @@ class Deadband(Effect):
         return each_contact(events, lambda t_s, xy_mm: act(xy_mm, self.value))
 
 
+# Numbers of Python, one after the other: a position depends on the one before it, and an array of two costs far more.
+
+
 def _jumped(xy_mm: FloatArray, width_mm: float) -> FloatArray:
-    out = xy_mm.copy()
+    out = xy_mm.tolist()
     for i in range(1, len(out)):
-        if np.hypot(*(xy_mm[i] - out[i - 1])) < width_mm:
+        (x, y), (held_x, held_y) = out[i], out[i - 1]
+        if abs(complex(x - held_x, y - held_y)) < width_mm:
             out[i] = out[i - 1]
-    return out
+    return np.reshape(out, xy_mm.shape)
 
 
 def _followed(xy_mm: FloatArray, width_mm: float) -> FloatArray:
-    out = xy_mm.copy()
+    out = xy_mm.tolist()
     for i in range(1, len(out)):
-        off = xy_mm[i] - out[i - 1]
-        far = float(np.hypot(*off))
-        out[i] = out[i - 1] + (max(1 - 0.5 * width_mm / far, 0.0) * off if far else 0.0)
-    return out
+        (x, y), (held_x, held_y) = out[i], out[i - 1]
+        off_x, off_y = x - held_x, y - held_y
+        far = abs(complex(off_x, off_y))
+        share = max(1 - 0.5 * width_mm / far, 0.0) if far else 0.0
+        out[i] = [held_x + share * off_x, held_y + share * off_y]
+    return np.reshape(out, xy_mm.shape)
 
 
 def _defuzzed(xy_mm: FloatArray, fuzz_mm: float) -> FloatArray:
-    out = xy_mm.copy()
-    for i in range(1, len(out)):
-        off = xy_mm[i] - out[i - 1]
-        out[i] = out[i - 1] + np.select([abs(off) < 0.5 * fuzz_mm, abs(off) < fuzz_mm, abs(off) < 2 * fuzz_mm],
-                                        [0.0, 0.25 * off, 0.5 * off], off)  # fmt: skip
-    return out
+    axes = []
+    for axis in xy_mm.T.tolist():
+        held = axis[0] if axis else 0.0
+        shown = []
+        for at in axis:
+            held += _part(abs(at - held), fuzz_mm) * (at - held)
+            shown.append(held)
+        axes.append(shown)
+    return np.reshape(axes, xy_mm.T.shape).T
+
+
+def _part(off_mm: float, fuzz_mm: float) -> float:
+    """How much of a change is shown."""
+    if off_mm < 0.5 * fuzz_mm:
+        return 0.0
+    return 0.25 if off_mm < fuzz_mm else 0.5 if off_mm < 2 * fuzz_mm else 1.0
