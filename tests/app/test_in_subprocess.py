@@ -8,11 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from core import sound_sessions
 from draglag.errors import DataError
-from draglag.gap import close_gap
-from draglag.protocol.runs import load_protocol
-from draglag.simulation import simulate_session
-from draglag.simulation.effects import parse_effect
 from draglag_app.in_subprocess import run_in_subprocess, write_gap_of
 
 
@@ -51,10 +48,9 @@ def test_sentences_come_back() -> None:
 
 def test_the_windows_gap_report_has_the_provisional_term_that_the_window_shows(tmp_path: Path) -> None:
     """Of a session with an effect that may not be named."""
-    session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("scan_skew=0.03")], seed=5)
-    found = close_gap(session, candidates=["laser_bounce"])
+    found = sound_sessions.report_of_unnamed_skew()
     assert found.verdict == "unexplained"
-    write_gap_of(session, found, tmp_path / "gap.html", quiet)
+    write_gap_of(sound_sessions.brief("scan_skew=0.03"), found, tmp_path / "gap.html", quiet)
     page = (tmp_path / "gap.html").read_text("utf-8")
     assert "Provisional term unnamed:" in page
     bars = re.findall(r"<svg.*?</svg>", page, re.DOTALL)[0]

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from draglag.exchange import read_exchange
 from draglag.gap import GapReport, close_gap
-from draglag.protocol.runs import load_protocol
+from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.simulation import simulate_session
+from draglag.simulation.effects import parse_effect
 
 SAMPLES = Path(__file__).parents[1] / "data" / "exchange"
 
@@ -32,6 +33,19 @@ def demo(seed: int = 5) -> Session:
     return simulate_session("screen-1", load_protocol("demo"), seed=seed)
 
 
+def brief_protocol() -> Protocol:
+    """The demo's circles and chirp, 15 s each, without taps."""
+    demo = load_protocol("demo")
+    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind in ("circle", "chirp"))
+    return demo.model_copy(update={"runs": runs, "taps": None})
+
+
+@lru_cache
+def brief(*effects: str) -> Session:
+    """The brief protocol on the simulated Screen 1 with these effects."""
+    return simulate_session("screen-1", brief_protocol(), effects=[parse_effect(e) for e in effects], seed=3)
+
+
 @lru_cache
 def report_of_recorded() -> GapReport:
     return close_gap(recorded())
@@ -45,6 +59,12 @@ def report_of_plateau() -> GapReport:
 @lru_cache
 def report_of_demo(seed: int = 5) -> GapReport:
     return close_gap(demo(seed))
+
+
+@lru_cache
+def report_of_unnamed_skew() -> GapReport:
+    """Of the brief session with a skew of 30 ms, for which the library holds no name."""
+    return close_gap(brief("scan_skew=0.03"), candidates=["laser_bounce"])
 
 
 def gap_mm(report: GapReport) -> float:

@@ -6,23 +6,18 @@ from dataclasses import replace
 
 import pytest
 
+from core import sound_sessions
 from draglag.errors import DataError
 from draglag.gap import GapReport, close_gap
 from draglag.gap.by_hand import add_by_hand
 from draglag.model.file import LatencyModel
-from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
-from draglag.simulation import simulate_session
-from draglag.simulation.effects import parse_effect
 from draglag_app.in_subprocess import close_gap_of
 
 
 @pytest.fixture(scope="module")
 def session() -> Session:
-    demo = load_protocol("demo")
-    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind in ("circle", "chirp"))
-    protocol = demo.model_copy(update={"runs": runs, "taps": None})
-    return simulate_session("screen-1", protocol, effects=[parse_effect("scan_skew=0.02")], seed=3)
+    return sound_sessions.brief("scan_skew=0.02")
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +25,13 @@ def unnamed(session: Session) -> GapReport:
     return close_gap(session, candidates=["laser_bounce"])
 
 
-def test_the_right_effect_shrinks_the_gap_and_says_by_how_much(session: Session, unnamed: GapReport) -> None:
-    after = add_by_hand(session, unnamed, "scan_skew")
+@pytest.fixture(scope="module")
+def with_skew(session: Session, unnamed: GapReport) -> GapReport:
+    return add_by_hand(session, unnamed, "scan_skew")
+
+
+def test_the_right_effect_shrinks_the_gap_and_says_by_how_much(with_skew: GapReport) -> None:
+    after = with_skew
     step = after.steps[-1]
     value, (low, high) = step.parameters["across_s"]
     assert low - 0.001 < 0.02 < high + 0.001, value
@@ -49,11 +49,10 @@ def test_a_wrong_effect_is_added_but_not_said_to_help(session: Session, unnamed:
 
 @pytest.mark.parametrize("cause", ["scatter", "acceleration", "frame"])
 def test_what_was_unexplained_is_not_explained_by_an_effect_that_closes_nothing(
-    session: Session, unnamed: GapReport, cause: str
+    session: Session, with_skew: GapReport, cause: str
 ) -> None:
     """Scatter, a law of another speed and stalls are reported with the finding: a good one does not exclude them."""
-    sound = add_by_hand(session, unnamed, "scan_skew")
-    after = add_by_hand(session, replace(sound, verdict="unexplained", unexplained_by=cause), "beam_wedge")
+    after = add_by_hand(session, replace(with_skew, verdict="unexplained", unexplained_by=cause), "beam_wedge")
     assert not after.steps[-1].evidence.endswith("shrinks")
     assert (after.verdict, after.unexplained_by) == ("unexplained", cause)
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from core import sound_sessions
 from draglag.errors import DataError
-from draglag.gap import Gap, GapReport, Model, close_gap, find, name, shrinkage
+from draglag.gap import Gap, GapReport, Model, find, name, shrinkage
 from draglag.gap.provisional import provisional_term
-from draglag.protocol.runs import load_protocol
+from draglag.gap.results import Step
 from draglag.recording import Session
-from draglag.simulation import simulate_session
-from draglag.simulation.effects import parse_effect
 
 
 @pytest.fixture(scope="module")
@@ -28,22 +27,28 @@ def whole() -> GapReport:
 
 
 @pytest.fixture(scope="module")
-def before(session: Session) -> Gap:
-    return find(session, Model())
+def by_hand(session: Session) -> dict[str, Any]:
+    """What the lines under “One by one, in Python” of docs/gap.md leave, run as printed on this session."""
+    page = (Path(__file__).parents[3] / "docs" / "gap.md").read_text("utf-8")
+    code = page.split("```python")[1].split("```")[0]
+    given = 'session = dl.simulate("screen-1", effects={"clock_drift": 60}, seed=3)'
+    assert given in code
+    scope: dict[str, Any] = {"session": session}
+    exec(code.replace(given, ""), scope)
+    return scope
 
 
-def simulated(effect: str) -> Session:
-    demo = load_protocol("demo")
-    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind in ("circle", "chirp"))
-    protocol = demo.model_copy(update={"runs": runs, "taps": None})
-    return simulate_session("screen-1", protocol, effects=[parse_effect(effect)], seed=3)
+@pytest.fixture(scope="module")
+def before(by_hand: dict[str, Any]) -> Gap:
+    found: Gap = by_hand["before"]
+    return found
 
 
-def test_the_verbs_composed_reproduce_the_workflow(session: Session, before: Gap, whole: GapReport) -> None:
+def test_the_verbs_composed_reproduce_the_workflow(by_hand: dict[str, Any], before: Gap, whole: GapReport) -> None:
     assert before.gap_mm == pytest.approx(whole.gap_first_mm, rel=0.02)
-    names = name(before)
+    names: tuple[Step, ...] = by_hand["names"]
     assert names[0].effect == whole.steps[0].effect == "low_speed_plateau"
-    after = find(session, before.model.with_effect(names[0].effect))
+    after: Gap = by_hand["after"]
     assert after.gap_mm == pytest.approx(whole.gap_last_mm, rel=0.05)
     assert after.noise_floor_mm == pytest.approx(whole.noise_floor_mm, rel=0.05)
     value, (low, high) = after.model.parameters["low_speed_plateau"]["speed_mm_s"]
@@ -57,7 +62,7 @@ def test_the_verbs_composed_reproduce_the_workflow(session: Session, before: Gap
 
 def test_a_model_of_another_session_is_fitted_again(before: Gap) -> None:
     """Neither its edges nor its numbers are those of the session it is compared with."""
-    drifting = simulated("clock_drift=100")
+    drifting = sound_sessions.brief("clock_drift=100")
     there = find(drifting, before.model)
     alone = find(drifting, Model())
     assert there.gap_mm == pytest.approx(alone.gap_mm)
@@ -73,17 +78,12 @@ def test_a_value_that_is_no_number_is_refused(value: object) -> None:
         Model().with_effect("clock_drift", {"drift_ppm": value})  # type: ignore[dict-item]
 
 
-def test_the_manual_s_example_runs_as_printed(session: Session) -> None:
-    """The lines under “One by one, in Python” of docs/gap.md."""
-    page = (Path(__file__).parents[3] / "docs" / "gap.md").read_text("utf-8")
-    code = page.split("```python")[1].split("```")[0]
-    scope: dict[str, object] = {"session": session}
-    exec(code.replace('session = read_session("session.h5")', ""), scope)
-    assert scope["verdict"] == "shrinks"
+def test_the_manual_s_example_runs_as_printed(by_hand: dict[str, Any]) -> None:
+    assert by_hand["change"].verdict == "shrinks"
 
 
 def test_an_effect_of_known_size_is_taken_out_and_one_of_unknown_size_fitted() -> None:
-    measured = simulated("laser_hysteresis=0.0025")
+    measured = sound_sessions.brief("laser_hysteresis=0.0025")
     before = find(measured, Model())
     held = find(measured, Model().with_effect("laser_hysteresis", {"delay_s": 0.0025}))
     fitted = find(measured, before.model.with_effect("laser_hysteresis"))
@@ -108,7 +108,7 @@ def test_what_cannot_be_added_is_refused_in_one_sentence() -> None:
 
 
 def test_a_gap_without_a_name_is_closed_provisionally() -> None:
-    report = close_gap(simulated("scan_skew=0.03"), candidates=["laser_bounce"])
+    report = sound_sessions.report_of_unnamed_skew()
     assert report.verdict == "unexplained"
     term = provisional_term(report)
     assert term is not None

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from core import sound_sessions
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.errors import DataError
 from draglag.exchange import read_exchange
@@ -22,7 +23,7 @@ from draglag.gap.replaying.extended import extended_model, law_of_fit
 from draglag.gap.replaying.realised import rig_with_law
 from draglag.gap.traces.run_data import gather
 from draglag.model.file import LatencyModel, ModelEffect, left_unexplained, load_model, save_model
-from draglag.protocol.runs import Protocol, load_protocol
+from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effect
@@ -32,19 +33,9 @@ from draglag_app.cli import cli
 SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "low_speed_plateau"
 
 
-def short() -> Protocol:
-    demo = load_protocol("demo")
-    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind in ("circle", "chirp"))
-    return demo.model_copy(update={"runs": runs, "taps": None})
-
-
-def simulated(*effects: str) -> Session:
-    return simulate_session("screen-1", short(), effects=[parse_effect(e) for e in effects], seed=3)
-
-
 @pytest.fixture(scope="module")
 def compared() -> Session:
-    return simulated("clock_drift=100")
+    return sound_sessions.brief("clock_drift=100")
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +110,7 @@ def test_a_clock_s_drift_is_taken_out_before_runs_are_estimated(model: LatencyMo
 def test_a_drift_that_clock_comparisons_show_is_not_taken_out_twice(model: LatencyModel, compared: Session) -> None:
     fixed, correction = corrected(compared, model)
     assert correction.left == {"clock_drift": "the session's own clock comparisons take it out"}
-    true_s = np.concatenate([run.laser.t_s for run in simulated().runs])
+    true_s = np.concatenate([run.laser.t_s for run in sound_sessions.brief().runs])
     shown_s = np.concatenate([run.laser.t_s for run in fixed.runs])
     assert shown_s - true_s == pytest.approx(0, abs=5e-4)
 
@@ -135,7 +126,7 @@ def test_a_drift_that_clock_comparisons_show_is_not_taken_out_twice(model: Laten
     ],
 )
 def test_what_is_taken_out_is_no_longer_found(effect: str, sizes: dict[str, float], model: LatencyModel) -> None:
-    session = simulated(f"{effect}={next(iter(sizes.values()))}")
+    session = sound_sessions.brief(f"{effect}={next(iter(sizes.values()))}")
     fixed, correction = corrected(session, with_effects(model, ModelEffect(id=effect, parameters=sizes)))
     assert [e.id for e in correction.applied] == [effect]
 
@@ -147,7 +138,7 @@ def test_what_is_taken_out_is_no_longer_found(effect: str, sizes: dict[str, floa
 
 
 def test_a_bowed_beam_is_straightened(model: LatencyModel) -> None:
-    straight, bowed = simulated(), simulated("beam_bow=2")
+    straight, bowed = sound_sessions.brief(), sound_sessions.brief("beam_bow=2")
     fixed, correction = corrected(bowed, with_effects(model, ModelEffect(id="beam_bow", parameters={"bow_mm": 2.0})))
     assert [e.id for e in correction.applied] == ["beam_bow"]
 

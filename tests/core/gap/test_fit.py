@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from core import sound_sessions
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
@@ -55,11 +57,16 @@ def test_poor_rates_to_begin_with_do_not_matter(plain: tuple[Session, Fit], slow
     assert again.log_likelihood == pytest.approx(best.log_likelihood, abs=LIKELY)
 
 
-@pytest.mark.parametrize("damping", [0.0, 1.0, 100.0])
-def test_a_step_keeps_what_it_promises(damping: float) -> None:
-    """Where edges are moved as far as the step says, the cost falls by what was promised, nuisances at their best."""
+@pytest.fixture(scope="module")
+def without_its_drift() -> Fit:
     session = simulated("clock_drift=20")
-    fit = fit_session(session, gather(session))
+    return fit_session(session, gather(session))
+
+
+@pytest.mark.parametrize("damping", [0.0, 1.0, 100.0])
+def test_a_step_keeps_what_it_promises(damping: float, without_its_drift: Fit) -> None:
+    """Where edges are moved as far as the step says, the cost falls by what was promised, nuisances at their best."""
+    fit = without_its_drift
     state = linearise(fit.runs, fit.law, fit.geometry, [Term("clock_drift")], fit.width_mm, None)
     use = fit.use & state.placed.ok
     calm = Components(edge_mm=2.0)  # no edge so far off that it pulls with less than its square
@@ -167,19 +174,24 @@ def test_an_interval_holds_a_drift_although_runs_scatter_more_than_noise_may(see
     assert high - low < 15
 
 
+@lru_cache
+def without_its_skew(first: Components) -> Fit:
+    """Found with these weights to begin with."""
+    session = sound_sessions.brief("scan_skew=0.02")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(joint, "START", first)
+        return fit_session(session, gather(session))
+
+
 @pytest.mark.parametrize("first", [joint.START, Components()], ids=["usual", "other"])
 @pytest.mark.parametrize("effect", ["beam_width", "direction_asymmetry", "clock_drift", "laser_hysteresis"])
 def test_a_refit_is_no_less_likely_than_the_fit_without_its_effect(
     effect: str, first: Components, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The larger model contains the smaller, whatever weights a search begins with, also where both lack an effect."""
+    fit = without_its_skew(first)
     monkeypatch.setattr(joint, "START", first)
-    demo = load_protocol("demo")
-    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind in ("circle", "chirp"))
-    protocol = demo.model_copy(update={"runs": runs, "taps": None})
-    session = simulate_session("screen-1", protocol, effects=[parse_effect("scan_skew=0.02")], seed=3)
-    fit = fit_session(session, gather(session))
-    again = refit(session, fit, [Term(effect)])
+    again = refit(sound_sessions.brief("scan_skew=0.02"), fit, [Term(effect)])
     assert again is not None
     # Weights are those of either fit: the same edges may count a few nats more or less.
     assert gained_nats(fit, again) > -GIVEN_UP
