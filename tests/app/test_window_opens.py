@@ -18,13 +18,25 @@ SAMPLES = Path(__file__).parent.parent / "data" / "exchange"
 NO_DISPLAY = "there is no display to draw on."
 
 
-def without_display(*arguments: object, **variables: str) -> subprocess.CompletedProcess[str]:
+PROGRAM = "from draglag_app.cli import main; main()"
+SHORT_DEMO = f"from app.test_window_opens import shorten_demo; shorten_demo(); {PROGRAM}"
+
+
+def shorten_demo(patch: pytest.MonkeyPatch | None = None) -> None:
+    """Have the demo command measure two circles alone; without ``patch`` for the rest of the process."""
+    whole = load_protocol("demo")
+    circles = whole.runs[1].model_copy(update={"speeds_mm_s": (240.0, 425.0), "duration_s": 15.0})
+    short = whole.model_copy(update={"runs": (circles,), "taps": None, "clock_check": None})
+    (patch or pytest.MonkeyPatch()).setattr("draglag_app.cli.demo.load_protocol", {"demo": short}.__getitem__)
+
+
+def without_display(*arguments: object, program: str = PROGRAM, **variables: str) -> subprocess.CompletedProcess[str]:
     """The program as started from a console that has no desktop."""
     taken = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
     env = {key: value for key, value in os.environ.items() if key not in taken} | variables
     env["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-    program = [sys.executable, "-c", "from draglag_app.cli import main; main()", *map(str, arguments)]
-    return subprocess.run(program, env=env, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-c", program, *map(str, arguments)]
+    return subprocess.run(command, env=env, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture
@@ -47,11 +59,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> list[Path | None]:
 
 @pytest.fixture
 def short_demo(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The demo command on two circles alone."""
-    whole = load_protocol("demo")
-    circles = whole.runs[1].model_copy(update={"speeds_mm_s": (240.0, 425.0), "duration_s": 15.0})
-    short = whole.model_copy(update={"runs": (circles,), "taps": None, "clock_check": None})
-    monkeypatch.setattr("draglag_app.cli.demo.load_protocol", {"demo": short}.__getitem__)
+    shorten_demo(monkeypatch)
 
 
 def run(*arguments: object) -> Result:
@@ -70,7 +78,7 @@ def test_without_a_display_the_window_says_so_in_one_sentence(session_file: Path
 
 
 def test_without_a_display_the_demo_measures_and_says_where_the_report_is(tmp_path: Path) -> None:
-    done = without_display("demo", "--out", tmp_path / "demo")
+    done = without_display("demo", "--out", tmp_path / "demo", program=SHORT_DEMO)
     assert done.returncode == 0, done.stderr
     report = tmp_path / "demo" / "report.html"
     assert report.is_file()

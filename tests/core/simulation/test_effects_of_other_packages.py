@@ -8,10 +8,22 @@ from pathlib import Path
 import pytest
 
 import plugins
-from plugins import installed, with_packages
+from plugins import installed, python, with_packages
 
 GROUP = "draglag.effects"
 TRUE_S = 0.012
+HELP_AND_SIMULATE = """
+import sys
+from draglag_app.cli.main import main
+shown = ["--effect", "nothing=1", "--screen", "screen-1", "--out", sys.argv[1]]
+codes = []
+for arguments in (["simulate", "--help"], ["simulate", *shown]):
+    try:
+        main(arguments)
+    except SystemExit as end:
+        codes.append(end.code)
+print(f"help: {codes[0]}", f"simulate: {codes[1]}", sep="\\n")
+"""
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +80,9 @@ def test_without_its_package_a_model_says_which_effect_is_not_known(example: lis
 )
 def test_an_effect_that_cannot_be_used_is_left_out_with_a_warning(tmp_path: Path, source: str, said: str) -> None:
     (tmp_path / "strange.py").write_text(source)
-    ran = with_packages([installed(tmp_path, {"made": "strange:Made"}, GROUP)], "simulate", "--help")
-    listed = with_packages(
-        [tmp_path], "simulate", "--effect", "nothing=1", "--screen", "screen-1", "--out", str(tmp_path / "s.h5")
-    )
-    assert ran.returncode == 0
+    paths = [installed(tmp_path, {"made": "strange:Made"}, GROUP)]
+    listed = python(paths, HELP_AND_SIMULATE, str(tmp_path / "s.h5"))
+    assert listed.stdout.splitlines()[-2:] == ["help: 0", "simulate: 1"]
     assert "effect made (strange:Made) is left out" in listed.stderr
     assert said in listed.stderr
     assert "Traceback" not in listed.stderr
