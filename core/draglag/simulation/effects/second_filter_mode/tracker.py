@@ -90,23 +90,29 @@ def track_histories(
     left = np.empty((n - 1, *shape[:2]))
     penalty = np.array([0.0, switch])
     back_s = _way_s(-tracks.rate[1:], size_s)
+    # Where the histories of each tracker begin in a flat array: ``take`` there costs a fifth of ``take_along_axis``.
+    begin = histories * np.arange(runs * shape[1]).reshape(*shape[:2], 1)
+    of_p, of_v, of_off = (gains[:, k, ..., None] for k in range(3))
+    way_s, turn, back_s, shown = (a[..., None, None] for a in (tracks.way_s, tracks.turn, back_s, shown))
+    z_mm, live = tracks.z_mm[..., None, None], tracks.live[..., None, None, None]
+    off = np.empty((*shape, 2), complex)  # if it stays, if it switches
     for i in range(n - 1):
-        p, v = p + v * tracks.way_s[i][:, None, None], v * tracks.turn[i][:, None, None]
-        now = tracks.z_mm[i + 1][:, None, None] - p
-        then = now + v * back_s[i][:, None, None]
-        off = np.stack([np.where(late, then, now), np.where(late, now, then)], axis=-1)  # if it stays, if it switches
-        square = (off.real**2 + off.imag**2) / gains[i, 2][..., None, None]
-        cost = 0.5 * np.minimum(square, OUTLIER) * tracks.live[i + 1][:, None, None, None] + penalty
+        p, v = p + v * way_s[i], v * turn[i]
+        now = z_mm[i + 1] - p
+        then = now + v * back_s[i]
+        off[..., 0], off[..., 1] = np.where(late, then, now), np.where(late, now, then)
+        square = (off.real**2 + off.imag**2) / of_off[i, ..., None]
+        cost = 0.5 * np.minimum(square, OUTLIER) * live[i + 1] + penalty
         each = (value[..., None] - cost).reshape(*shape[:2], -1)
         order = np.argsort(-each, axis=-1)[..., :histories]
         parent = order // 2
-        value, off, square = (np.take_along_axis(a.reshape(each.shape), order, -1) for a in (each, off, square))
-        p, v, lost, late = (np.take_along_axis(a, parent, -1) for a in (p, v, lost, late))
+        value, kept, square = (a.take(2 * begin + order) for a in (each, off, square))
+        p, v, lost, late = (a.take(begin + parent) for a in (p, v, lost, late))
         late = late ^ (order % 2 == 1)
         out = square > OUTLIER
         restart = out & (lost >= LOST)
-        p = p + np.where(restart, 1.0, np.where(out, 0.0, gains[i, 0][..., None])) * off
-        v = np.where(restart, shown[i][:, None, None], v + np.where(out, 0.0, gains[i, 1][..., None]) * off)
+        p = p + np.where(restart, 1.0, np.where(out, 0.0, of_p[i])) * kept
+        v = np.where(restart, shown[i], v + np.where(out, 0.0, of_v[i]) * kept)
         lost = np.where(out & ~restart, lost + 1, 0)
         parents[i], states[i], left[i] = parent, late, square[..., 0]
     return value[..., 0], _history(parents, states), left
@@ -141,10 +147,12 @@ def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
 
 def _history(parents: np.ndarray, states: np.ndarray) -> np.ndarray:
     """States of the best history, (n, runs, g)."""
-    out = np.empty((parents.shape[0] + 1, *parents.shape[1:3]), bool)
-    at = np.zeros((*parents.shape[1:3], 1), np.int64)
-    for i in range(parents.shape[0] - 1, -1, -1):
-        out[i + 1] = np.take_along_axis(states[i], at, -1)[..., 0]
-        at = np.take_along_axis(parents[i], at, -1).astype(np.int64)
+    n, runs, g, histories = parents.shape
+    out = np.empty((n + 1, runs, g), bool)
+    begin = histories * np.arange(runs * g).reshape(runs, g)
+    at = np.zeros((runs, g), np.int64)
+    for i in range(n - 1, -1, -1):
+        out[i + 1] = states[i].take(begin + at)
+        at = parents[i].take(begin + at)
     out[0] = out[1]
     return out
