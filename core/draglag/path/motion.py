@@ -117,10 +117,10 @@ def local_fit(
     ``roundness``: power of the weights 1 − u²; 1 (Epanechnikov) is best for white noise, 3 has low side lobes.
     """
     m = at_s.size
-    width_s = np.broadcast_to(np.asarray(half_width_s, float), (m,))
-    first = np.searchsorted(t_s, at_s - width_s, side="right")
-    last = np.searchsorted(t_s, at_s + width_s, side="left")
-    middle, count = np.searchsorted(t_s, at_s), last - first
+    width_s = np.full(m, half_width_s, float)
+    first = t_s.searchsorted(at_s - width_s, side="right")
+    last = t_s.searchsorted(at_s + width_s, side="left")
+    middle, count = t_s.searchsorted(at_s), last - first
     w = max(int(np.max(count, initial=1)), degree + 1)
     weighted, both = np.empty((degree + 1, m, w)), np.empty((m, degree + 1, degree + 3))
     rows, place, (x_mm, y_mm) = max(IN_CACHE // w, 1), np.arange(w), np.ascontiguousarray(xy_mm.T)
@@ -142,7 +142,8 @@ def local_fit(
     # Inside a window of half width h the events must reach to both sides, or the fit extrapolates.
     ok = (count >= degree + 2) & (middle >= first + 2) & (middle <= last - 2)
     normal = both[:, :, :-2]
-    normal[~ok] = np.eye(degree + 1)
+    if not ok.all():
+        normal[~ok] = np.eye(degree + 1)
     diagonal = np.einsum("mpp->mp", normal)
     diagonal += 1e-12 * diagonal.sum(1, keepdims=True)
     solution = inverse(normal)
