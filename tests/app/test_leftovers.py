@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -37,7 +38,8 @@ def test_what_a_killed_command_left_is_gone_after_the_next_start(tmp_path: Path,
     session, out = tmp_path / "s" / "a.h5", tmp_path / "out"
     session.parent.mkdir()
     out.mkdir()
-    write_session(read_exchange(SAMPLE), session)
+    whole = read_exchange(SAMPLE)
+    write_session(replace(whole, runs=whole.runs[:5]), session)
     content = session.read_bytes()
     arguments = [word.format(session=session, folder=tmp_path, sample=SAMPLE) for word in command]
     done = subprocess.run([sys.executable, "-c", _KILLED, *arguments], capture_output=True, check=False)

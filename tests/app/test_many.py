@@ -6,7 +6,7 @@ import csv
 import json
 import re
 from dataclasses import replace
-from itertools import combinations, islice
+from itertools import chain, combinations, islice
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -60,11 +60,12 @@ def test_every_session_has_the_result_it_has_alone(tiny: Path, serial: dict) -> 
 
 @pytest.fixture(scope="module")
 def hundred(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of a hundred sessions, each of three other runs."""
+    """A folder of a hundred sessions, each of one to three other runs."""
     whole = dl.read(SAMPLES / "none-A")
     steady = [run for run in whole.runs if run.protocol == "circle"]
     folder = tmp_path_factory.mktemp("hundred")
-    for k, some in enumerate(islice(combinations(steady, 3), 100)):
+    of_runs = chain.from_iterable(combinations(steady, n) for n in (1, 2, 3))
+    for k, some in enumerate(islice(of_runs, 100)):
         dl.write(replace(whole, name=f"small {k}", runs=some), folder / f"s{k:03}.h5")
     return folder
 

@@ -6,6 +6,7 @@ On the oldest and newest Python found, one analysis on each between.
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -86,9 +87,10 @@ def test_a_base_install_analyses_a_folder_of_sessions(
 ) -> None:
     base = request.getfixturevalue(which)
     assert not FOR_EXTRAS & base.modules()
-    for name, source in (("a", "none-A"), ("b", "low_speed_plateau"), ("c", "none-A")):
+    for name, source in (("a", "none-A"), ("b", "low_speed_plateau")):
         done = base.draglag("import", SAMPLES / source, "--out", tmp_path / f"{name}.h5")
         assert done.returncode == 0, done.stderr
+    shutil.copy(tmp_path / "a.h5", tmp_path / "c.h5")
     done = base.draglag("analyze", tmp_path, "--jobs", "2", "--out", tmp_path / "table.csv", "--json")
     assert done.returncode == 0, done.stderr
     results = [one["result"] for one in json.loads(done.stdout)["sessions"]]

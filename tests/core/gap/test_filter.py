@@ -13,7 +13,7 @@ from draglag.gap.results import GapReport
 from draglag.gap.traces.run_data import FINE_S, averaged
 from draglag.path.events import first_of_contact
 from draglag.protocol.runs import load_protocol
-from draglag.recording import FloatArray
+from draglag.recording import FloatArray, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
@@ -67,9 +67,14 @@ def test_raw_positions_come_back_from_filtered_ones(setting: Setting) -> None:
 
 
 @pytest.fixture(scope="module")
-def report() -> GapReport:
+def session() -> Session:
     effect = parse_effect(f"speed_adaptive_filter={FMIN_HZ},beta_per_mm={BETA_PER_MM}")
-    return close_gap(simulate_session("screen-1", load_protocol("demo"), effects=[effect], seed=5))
+    return simulate_session("screen-1", load_protocol("demo"), effects=[effect], seed=5)
+
+
+@pytest.fixture(scope="module")
+def report(session: Session) -> GapReport:
+    return close_gap(session)
 
 
 def test_it_is_named_and_sized_and_the_gap_is_that_of_the_session_without_it(report: GapReport) -> None:
@@ -89,9 +94,7 @@ def test_simulated_again_it_lies_where_it_was_measured(report: GapReport) -> Non
     assert all(one.agrees for one in report.check)
 
 
-def test_without_it_in_the_library_something_is_left_unexplained() -> None:
-    effect = parse_effect(f"speed_adaptive_filter={FMIN_HZ},beta_per_mm={BETA_PER_MM}")
-    session = simulate_session("screen-1", load_protocol("demo"), effects=[effect], seed=5)
+def test_without_it_in_the_library_something_is_left_unexplained(session: Session) -> None:
     assert close_gap(session, candidates=set(EFFECTS) - {"speed_adaptive_filter"}).verdict == "unexplained"
 
 

@@ -86,7 +86,7 @@ def test_a_filter_that_comes_and_goes_faster_than_edges_tell_is_named_and_undone
 def test_the_change_of_speed_that_switches_a_filter_is_found_by_its_stretches() -> None:
     skips = find_skips(gather(simulated(WhileItsSpeedChanges(SIZE_S))))
     assert skips is not None
-    same_hand = gather(simulated())
+    same_hand = gather(sound_sessions.demo())
     threshold_mm_s2 = threshold_of_change(same_hand, tuple(skips.times_s))
     # A panel smooths the speed that it takes the change of, over a time that is not known: within 1.4 times.
     assert threshold_mm_s2 is not None
@@ -96,7 +96,7 @@ def test_the_change_of_speed_that_switches_a_filter_is_found_by_its_stretches() 
 def test_a_place_or_a_direction_is_no_filter_of_its_own() -> None:
     for reason in (OnTheLeft(SIZE_S), OnTheWayDown(SIZE_S)):
         assert find_skips(gather(simulated(reason))) is None
-    assert find_skips(gather(simulated())) is None
+    assert find_skips(gather(sound_sessions.demo())) is None
     assert find_skips(gather(simulated(coming_and_going(0.3, seed=1)))) is not None
 
 

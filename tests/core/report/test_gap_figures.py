@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from matplotlib.colors import to_hex
 
 from draglag.analysis import with_stylus
@@ -17,6 +18,7 @@ from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.provisional import Provisional
 from draglag.gap.results import GapReport, Step
+from draglag.recording import Session
 from draglag.report.gap import write_gap_report
 from draglag.report.gap_figures import waterfall
 
@@ -89,10 +91,21 @@ def test_names_below_the_bars_of_a_full_figure_do_not_run_into_each_other() -> N
     assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
 
 
-def test_the_page_draws_the_provisional_term_that_it_reports(tmp_path: Path) -> None:
-    session = read_exchange(SAMPLE)
-    session = replace(session, runs=session.runs[:5])
-    report = close_gap(session, max_effects=0)
+@pytest.fixture(scope="module")
+def session() -> Session:
+    """Five runs of a sample."""
+    whole = read_exchange(SAMPLE)
+    return replace(whole, runs=whole.runs[:5])
+
+
+@pytest.fixture(scope="module")
+def report(session: Session) -> GapReport:
+    return close_gap(session, max_effects=0)
+
+
+def test_the_page_draws_the_provisional_term_that_it_reports(
+    session: Session, report: GapReport, tmp_path: Path
+) -> None:
     for unnamed in (None, UNNAMED):
         text = write_gap_report(session, report, tmp_path / "gap.html", provisional=unnamed).read_text("utf-8")
         steps = re.findall(r"<svg.*?</svg>", text, re.DOTALL)[0]
@@ -100,18 +113,16 @@ def test_the_page_draws_the_provisional_term_that_it_reports(tmp_path: Path) -> 
         assert ("<pattern" in steps) is (unnamed is not None)  # what a hatched area is filled with
 
 
-def test_the_page_states_the_diameter_that_it_was_judged_with(tmp_path: Path) -> None:
-    session = read_exchange(SAMPLE)
-    session = with_stylus(replace(session, runs=session.runs[:5]), 8.25)
-    page = write_gap_report(session, close_gap(session, max_effects=0), tmp_path / "gap.html").read_text("utf-8")
+def test_the_page_states_the_diameter_that_it_was_judged_with(session: Session, tmp_path: Path) -> None:
+    wider = with_stylus(session, 8.25)
+    page = write_gap_report(wider, close_gap(wider, max_effects=0), tmp_path / "gap.html").read_text("utf-8")
     assert 'stylus <span class="number">8.25 mm</span>' in page
 
 
-def test_the_page_breaks_no_line_between_a_number_and_its_unit_or_within_a_p_value(tmp_path: Path) -> None:
-    session = read_exchange(SAMPLE)
-    session = replace(session, runs=session.runs[:5])
-    report = replace(close_gap(session, max_effects=0), steps=(SURE,))
-    page = write_gap_report(session, report, tmp_path / "gap.html").read_text("utf-8")
+def test_the_page_breaks_no_line_between_a_number_and_its_unit_or_within_a_p_value(
+    session: Session, report: GapReport, tmp_path: Path
+) -> None:
+    page = write_gap_report(session, replace(report, steps=(SURE,)), tmp_path / "gap.html").read_text("utf-8")
     text = re.sub(r"<(svg|style|head)\b.*?</\1>", "", page, flags=re.DOTALL)
     whole = re.findall(r'<span class="number">(.*?)</span>', text)
     assert "p &lt; 0.001" in whole

@@ -32,6 +32,12 @@ def measured() -> tuple[Session, Analysis]:
     return session, analyze(session, AnalysisOptions(form="constant"))
 
 
+@pytest.fixture(scope="module")
+def written(measured: tuple[Session, Analysis], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its report, in a folder that is only read."""
+    return write_report(*measured, tmp_path_factory.mktemp("written"))
+
+
 class Page(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
@@ -59,10 +65,10 @@ def read_page(path: Path) -> Page:
 
 
 def test_the_page_shows_every_estimate_and_is_whole_in_one_file(
-    tmp_path: Path, measured: tuple[Session, Analysis]
+    written: Path, measured: tuple[Session, Analysis]
 ) -> None:
-    session, analysis = measured
-    page = read_page(write_report(session, analysis, tmp_path / "out"))
+    analysis = measured[1]
+    page = read_page(written)
     text = " ".join(page.text)
     for run in analysis.runs:
         assert run.id in text
@@ -85,10 +91,8 @@ def test_the_page_names_screen_and_details_of_the_session(tmp_path: Path, measur
     assert list(said.values()) == list(details.values())
 
 
-def test_drawings_bring_colours_for_a_dark_page_and_stay_whole(
-    tmp_path: Path, measured: tuple[Session, Analysis]
-) -> None:
-    page = write_report(*measured, tmp_path).read_text("utf-8")
+def test_drawings_bring_colours_for_a_dark_page_and_stay_whole(written: Path) -> None:
+    page = written.read_text("utf-8")
     drawings = [base64.b64decode(text).decode() for text in re.findall(r"data:image/svg\+xml;base64,([\w+/=]+)", page)]
     assert len(drawings) >= 3
     for drawing in drawings:
@@ -100,16 +104,13 @@ def test_drawings_bring_colours_for_a_dark_page_and_stay_whole(
         body = drawing[drawing.index("</style>") :]
         assert not re.search(r"#(?:ffffff|222222|000000|dddddd)", body)
     # Outside the page they are ordinary drawings, for papers.
-    assert "var(" not in (tmp_path / "figures" / "latency.svg").read_text("utf-8")
+    assert "var(" not in (written.parent / "figures" / "latency.svg").read_text("utf-8")
 
 
-def test_every_figure_stands_next_to_the_page_as_svg_and_png(
-    tmp_path: Path, measured: tuple[Session, Analysis]
-) -> None:
-    write_report(*measured, tmp_path)
+def test_every_figure_stands_next_to_the_page_as_svg_and_png(written: Path) -> None:
     for name in ("latency", "stylus-width", "taps", "validation-speeds", "alignment-run-03", "alignment-run-14"):
-        assert ET.parse(tmp_path / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
-        assert (tmp_path / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert ET.parse(written.parent / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
+        assert (written.parent / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_title_of_a_run_with_a_long_name_is_in_the_figure_whole(measured: tuple[Session, Analysis]) -> None:
@@ -125,8 +126,8 @@ def test_the_title_of_a_run_with_a_long_name_is_in_the_figure_whole(measured: tu
     assert box.ymax <= drawn.bbox.ymax
 
 
-def test_the_same_data_give_the_same_page(tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
-    pages = [write_report(*measured, tmp_path / name).read_text("utf-8") for name in ("one", "two")]
+def test_the_same_data_give_the_same_page(written: Path, tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
+    pages = [page.read_text("utf-8") for page in (written, write_report(*measured, tmp_path))]
     assert re.sub(r"data:image/[^\"]*", "", pages[0]) == re.sub(r"data:image/[^\"]*", "", pages[1])
 
 
