@@ -81,7 +81,7 @@ def test_a_name_whose_refit_is_less_likely_than_none_is_not_given():
 
 
 def test_edges_that_a_refuted_filter_left_open_count_again():
-    """A step at one speed on another law: the filter leaves the edges about it open, and without them nothing is left."""
+    """A step at one speed on another law: without the edges about it, which the filter leaves open, there is no gap."""
     sizes = {"second_filter_mode": 0.012920380309177372}
     outcome = run_task(
         Task("single", "second_filter_mode", 1.0, 1649206756, sizes, floor=False, world="realistic", law_form="power")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -50,10 +51,11 @@ def judged(
     """Posterior over explanations, from a first fit."""
     inside = effects_in(first)
     fits: dict[Names, Fit] = {inside: first}
-    pool = compared([first], allowed, unsure_ages, most=most_effects)
+    compare = partial(compared, allowed=allowed, unsure_ages=unsure_ages, most=most_effects)
+    pool = compare([first])
     if not inside and _has_own_form(pool):
         fits = {inside: with_own_form(session, first)}
-        pool = compared(list(fits.values()), allowed, unsure_ages, most=most_effects)
+        pool = compare(list(fits.values()))
     barred: set[str] = set()
     refuted: set[Names] = set()
     proposed: set[Names] = set()
@@ -80,16 +82,19 @@ def judged(
                 break
         fits |= found
         refuted = (refuted - found.keys()) | _refuted(fits, found)
-        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool, refuted)
-    # Edges that only a refuted explanation left open count again.
-    whole = [fit for names, fit in fits.items() if fit.only is None or set(names) <= set(pool.best)]
-    if len(whole) < len(fits):
-        pool = compared(whole, allowed, unsure_ages, barred, most_effects, pool, refuted)
+        pool = compare(list(fits.values()), without=barred, before=pool, refuted=refuted)
+    pool = _on_all_edges(fits, pool, partial(compare, without=barred, refuted=refuted))
     if fits[inside] is not first and not _has_own_form(pool):
         fits = {inside: first}
         fits |= grown(session, fits, pool, _effects_of(pool.best))
-        pool = compared(list(fits.values()), allowed, unsure_ages, barred, most_effects, pool, refuted)
+        pool = compare(list(fits.values()), without=barred, before=pool, refuted=refuted)
     return Judgement(pool, fits)
+
+
+def _on_all_edges(fits: dict[Names, Fit], pool: Pool, compare: Callable[..., Pool]) -> Pool:
+    """Explanations compared again with the edges that only a refuted one left open."""
+    whole = [fit for names, fit in fits.items() if fit.only is None or set(names) <= set(pool.best)]
+    return pool if len(whole) == len(fits) else compare(whole, before=pool)
 
 
 def _refuted(fits: dict[Names, Fit], new: Collection[Names]) -> set[Names]:
