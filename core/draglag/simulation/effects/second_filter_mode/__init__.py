@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 THRESHOLDS = {By.SPEED: "threshold_mm_s", By.ACCELERATION: "threshold_mm_s2"}
 RUNS_DIFFER_S = 7e-4
-"""s. Runs of sound panels differ by about this (fact sheet on the gap): a smaller step cannot be told from it."""
+"""s. Runs of sound panels differ by about this (fact sheet on the gap): a smaller step may be one of those."""
 LOWEST, HIGHEST = 0.8, 1.25  # of a threshold: edges lie at speeds that far apart
 SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
 SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
