@@ -57,7 +57,7 @@ def judged(
         fits = {inside: with_own_form(session, first)}
         pool = compare(list(fits.values()))
     barred: set[str] = set()
-    refuted: set[Names] = set()
+    refuted: set[tuple[Names, Names]] = set()
     proposed: set[Names] = set()
     tried: set[tuple[Names, str]] = set()
     rivals = _rivals(pool, first, allowed)
@@ -81,7 +81,7 @@ def judged(
             if not found:
                 break
         fits |= found
-        refuted = (refuted - found.keys()) | _refuted(fits, found)
+        refuted = {(names, fewer) for names, fewer in refuted if names not in found} | _refuted(fits, found)
         pool = compare(list(fits.values()), without=barred, before=pool, refuted=refuted)
     pool = _on_all_edges(fits, pool, partial(compare, without=barred, refuted=refuted))
     if fits[inside] is not first and not _has_own_form(pool):
@@ -97,17 +97,18 @@ def _on_all_edges(fits: dict[Names, Fit], pool: Pool, compare: Callable[..., Poo
     return pool if len(whole) == len(fits) else compare(whole, before=pool)
 
 
-def _refuted(fits: dict[Names, Fit], new: Collection[Names]) -> set[Names]:
-    """New sets whose refit gains less over one without an effect than the effect's name costs.
+def _refuted(fits: dict[Names, Fit], new: Collection[Names]) -> set[tuple[Names, Names]]:
+    """New sets, and those with an effect less, over which their refit gains less than the effect's name costs.
 
-    Where columns of another fit promise them more, they are extrapolated.
+    Where columns at a fit without the latter promise the set more, they are extrapolated.
     """
     out = set()
     for names in new:
-        fewer = (tuple(other for other in names if other != name) for name in names)
-        known = [fits[less] for less in fewer if less in fits and type(fits[less].law) is type(fits[names].law)]
-        if any(gained_nats(before, fits[names]) < -np.log(constants.P_EFFECT) for before in known):
-            out.add(names)
+        for fewer in (tuple(other for other in names if other != name) for name in names):
+            if fewer not in fits or type(fits[fewer].law) is not type(fits[names].law):
+                continue
+            if gained_nats(fits[fewer], fits[names]) < -np.log(constants.P_EFFECT):
+                out.add((names, fewer))
     return out
 
 

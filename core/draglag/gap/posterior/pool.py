@@ -93,11 +93,11 @@ def compared(
     without: Collection[str] = (),
     most: int = constants.MOST_MEMBERS,
     before: Pool | None = None,
-    refuted: Collection[Names] = (),
+    refuted: Collection[tuple[Names, Names]] = (),
 ) -> Pool:
     """Explanations at the fits, smallest first; a fit judges only sets with all its effects.
 
-    before: keeps levels. refuted: no set has all of these effects.
+    before: keeps levels. refuted: sets, and parts of them that a fit must have to judge them or larger ones.
     """
     edges = np.logical_and.reduce([fit.use for fit in fits])
     made = () if before is None else before.searches
@@ -115,9 +115,9 @@ def compared(
     found: dict[Names, Found] = {}
     searches = tuple(_searched(linear, tuple(levels), without, most, made) for linear in linears)
     for search in searches:
-        open_nats = freedom_nats(search.linear.fit, fits[0])
+        open_nats, own = freedom_nats(search.linear.fit, fits[0]), set(effects_in(search.linear.fit))
         for names, one in _by_names(search, open_nats).items():
-            if any(set(names).issuperset(these) for these in refuted):
+            if any(set(names).issuperset(whole) and not own.issuperset(part) for whole, part in refuted):
                 continue
             if names not in found or one.log_mass > found[names].log_mass:
                 found[names] = one
