@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from draglag.gap import GapReport, close_gap
 from draglag.gap.fitting.joint import fit_session
 from draglag.gap.fitting.parameters import parameters_of
-from draglag.gap.posterior.judge import with_own_form
+from draglag.gap.posterior.judge import likeliest, with_own_form
 from draglag.gap.proposing.proposals import refits_with
 from draglag.gap.replaying.replay import Replay, replays
 from draglag.gap.traces.run_data import gather
@@ -114,7 +114,8 @@ def test_a_step_is_sought_next_to_the_curves_own_form(circles: Protocol) -> None
     session = simulate_session(rig, circles, effects=[SecondFilterMode(0.012, 550.0)], seed=5)
     first = fit_session(session, gather(session))
     own = with_own_form(session, first)
-    (fit,) = refits_with(session, own, "second_filter_mode", ())
+    fit = likeliest(refits_with(session, own, "second_filter_mode", ()), own, "second_filter_mode")
+    assert fit is not None
     low_s, high_s = parameters_of("second_filter_mode", fit)["extra_s"][1]
     assert fit.law.remainder_s  # Eq. 5 alone bends about the fall of this law, and takes the step for 8 ms more
     assert low_s < 0.012 < high_s

@@ -174,15 +174,23 @@ def grown(
 
 
 def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
-    """Likeliest possible refit on shared edges; None if as small as on sound rigs."""
+    """Likeliest possible refit on shared edges, its curve's own form paid for; None if as small as on sound rigs."""
     enough = constants.LEAST_EDGES * np.count_nonzero(base.use)
     options = [fit for fit in options if np.count_nonzero(fit.use) >= enough]
     options = [fit for fit in options if _possible(effect, fit) and _keeps(fit, effect)]
     if not options:
         return None
     both = np.logical_and.reduce([fit.use for fit in options])
-    best = max(options, key=lambda fit: log_likelihood_on(fit, both))
+    best = max(options, key=lambda fit: log_likelihood_on(fit, both) - _form_nats(fit))
     return None if _sound(effect, best) else best
+
+
+def _form_nats(fit: Fit) -> float:
+    """Occam factor of a curve's own form: how much narrower than its prior the session leaves it."""
+    end = len(fit.law.step_sd)
+    own = slice(end - len(fit.law.remainder_s), end)
+    sd_s = np.array(fit.law.step_sd[own])
+    return -0.5 * float(np.linalg.slogdet(fit.covariance[own, own] / np.outer(sd_s, sd_s))[1]) if sd_s.size else 0.0
 
 
 def _keeps(fit: Fit, added: str) -> bool:

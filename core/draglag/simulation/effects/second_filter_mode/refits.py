@@ -9,6 +9,7 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.fitting.joint import Fit, latency_of_terms, most_promising
+from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.edges import Placed
@@ -44,7 +45,10 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     setting = Setting.of(theta)
     out = []
     if step is not None or (setting is not None and setting.by is By.SPEED):
-        out.append(_above_a_speed(session, before, setting, step))
+        # Eq. 5 bends about a step, or its bend about a step passes for a form of its own: with either of them.
+        own = [before.law] if step is None or before.law.remainder_s else []
+        laws = own if step is None else [*own, step.law]
+        out += [_above_a_speed(session, before, setting, step, law) for law in laws]
     if setting is not None and setting.by is By.ACCELERATION:
         out.append(refit(session, before, [*before.terms, Term(OWN, theta)]))
     if switching is not None:
@@ -82,14 +86,15 @@ def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
     return refit(session, first, fit.terms, fit.law, only) or fit
 
 
-def _above_a_speed(session: Session, before: Fit, setting: Setting | None, step: Step | None) -> Fit | None:
-    """Refit above the likeliest speed of single edges or between two runs."""
-    law, speeds = before.law, list[float]()
+def _above_a_speed(
+    session: Session, before: Fit, setting: Setting | None, step: Step | None, law: LawParameters
+) -> Fit | None:
+    """Refit above the likeliest speed of single edges or between two runs. law: initial."""
+    speeds = list[float]()
     if setting is not None and setting.by is By.SPEED:
         speeds = [v * setting.above for v in NEAR]
     size_s = SecondFilterMode.parameters[0].typical
     if step is not None:
-        law = law if law.remainder_s else step.law  # Eq. 5 bends about a step, the curve's own form stays
         speeds, size_s = [*speeds, *step.thresholds_mm_s()], step.size_s
     options = [[*before.terms, Term(OWN, Setting(float(v), By.SPEED).theta, (size_s,))] for v in speeds]
     terms = most_promising(before, options, law)
