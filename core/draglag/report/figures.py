@@ -14,6 +14,7 @@ from draglag.latency.estimate import Alignment
 from draglag.recording import Run, Session
 
 _TITLE_LETTERS = 60  # that go on a line above a small figure
+_SOURCE_PT = 14.0  # of a figure's foot: the line of its source (style.sign), which a legend there would cover
 
 
 def latency_figure(analysis: Analysis) -> Any:
@@ -55,10 +56,18 @@ def alignment_figure(run: Run, alignment: Alignment, title: str, session: Sessio
     axes.set(xlabel="x, mm", ylabel="y, mm (down the screen)", title=textwrap.fill(title, _TITLE_LETTERS))
     axes.set_aspect("equal", adjustable="datalim")
     axes.invert_yaxis()
-    figure.legend(
+    _legend_at_the_foot(figure, axes)
+    return figure
+
+
+def _legend_at_the_foot(figure: Any, axes: Any) -> None:
+    """A legend below the axes, above the line of the source."""
+    legend = figure.legend(
         *axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, columnspacing=1.2, handlelength=1.5
     )
-    return figure
+    legend.borderaxespad += _SOURCE_PT / legend.prop.get_size_in_points()
+    foot = _SOURCE_PT / 72 / figure.get_figheight()
+    figure.get_layout_engine().set(rect=(0, foot, 1, 1 - foot))
 
 
 def width_figure(analysis: Analysis, session: Session) -> Any:

@@ -126,6 +126,20 @@ def test_the_title_of_a_run_with_a_long_name_is_in_the_figure_whole(measured: tu
     assert box.ymax <= drawn.bbox.ymax
 
 
+def test_the_legend_of_a_run_is_between_its_axis_and_the_line_of_the_source(
+    measured: tuple[Session, Analysis],
+) -> None:
+    session, analysis = measured
+    with style.house_style():
+        drawn = figures.alignment_figure(session.runs[0], analysis.runs[0].alignment, "run-03", session)
+        style.sign(drawn, style.Source("a session", "2026-11-26T10:00", False))
+        style.lay_out(drawn)
+        drawn.draw_without_rendering()
+        legend, axis = drawn.legends[0].get_window_extent(), drawn.axes[0].xaxis.label.get_window_extent()
+        source = drawn._supxlabel.get_window_extent()
+    assert drawn.bbox.ymin <= source.ymin < source.ymax <= legend.ymin < legend.ymax <= axis.ymin
+
+
 def test_the_same_data_give_the_same_page(written: Path, tmp_path: Path, measured: tuple[Session, Analysis]) -> None:
     pages = [page.read_text("utf-8") for page in (written, write_report(*measured, tmp_path))]
     assert re.sub(r"data:image/[^\"]*", "", pages[0]) == re.sub(r"data:image/[^\"]*", "", pages[1])
