@@ -13,6 +13,7 @@ from scipy.stats import multivariate_normal
 
 from core import sound_sessions
 from draglag.gap import GapReport, close_gap, constants
+from draglag.gap.fitting.joint import fit_session
 from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, remainder_rms_s
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.noise import Components, Scatter
@@ -21,7 +22,10 @@ from draglag.gap.posterior.judge import likeliest
 from draglag.gap.posterior.levels import log_prior
 from draglag.gap.posterior.linear import Linear, normal
 from draglag.gap.posterior.members import Member, of_unit_rms
+from draglag.gap.posterior.pool import compared
 from draglag.gap.posterior.search import searched, sizes_mm
+from draglag.gap.proposing.proposals import refits_with
+from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
@@ -207,3 +211,15 @@ def test_a_refit_that_puts_back_what_an_earlier_effect_has_undone_is_none(left_s
     fit = replace(first, terms=terms, design=np.column_stack([first.design, np.zeros((first.design.shape[0], 2))]))
     fit = replace(fit, prior=np.append(first.prior, [1.0, 1.0]), covariance=np.eye(fit.design.shape[1]))
     assert (likeliest([fit], first, "clock_drift") is fit) == kept
+
+
+def test_a_pair_that_a_refit_refutes_is_judged_where_its_other_effect_is_fitted() -> None:
+    session = sound_sessions.brief("scan_skew=0.02")
+    first = fit_session(session, gather(session))
+    (skew,) = refits_with(session, first, "scan_skew", ())
+    pair, fits = ("clock_drift", "scan_skew"), [first, skew]
+    assert pair in compared(fits, set(pair), False).found
+    judged_with = compared(fits, set(pair), False, refuted={(pair, ("scan_skew",))}).found
+    assert judged_with[pair].search.linear.fit is skew
+    assert pair not in compared(fits, set(pair), False, refuted={(pair, ("clock_drift",))}).found
+    assert ("scan_skew",) in judged_with

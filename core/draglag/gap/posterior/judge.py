@@ -22,7 +22,7 @@ from draglag.simulation.effects import EFFECTS, column_of, effect_class
 
 DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
 PROPOSED = 3  # effects that are then refitted
-LEAST_KEPT = 0.5  # of what is undone in traces: with less, its column has put an earlier effect back
+LEAST_KEPT = 0.5  # of what is undone in traces: its column has put more than the half back (judgement)
 PROMISING = 5.0  # nats that one of those gains alone
 Progress = Callable[[float, str], None]
 
