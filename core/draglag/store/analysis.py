@@ -92,9 +92,10 @@ def read_analyses(path: Path | str) -> list[StoredAnalysis]:
     if is_journal(Path(path)):
         return []
     with open_session(path) as file:
-        checksum = raw_checksum(file)
         groups = file.get("analysis", {})
-        return [_stored(int(name), groups[name], checksum) for name in sorted(filter(str.isdecimal, groups), key=int)]
+        names = sorted(filter(str.isdecimal, groups), key=int)
+        checksum = raw_checksum(file) if names else ""
+        return [_stored(int(name), groups[name], checksum) for name in names]
 
 
 def _is_same(group: Any, result: Mapping[str, Any], options: Mapping[str, Any], checksum: str) -> bool:

@@ -198,7 +198,7 @@ def _copy(parent: Any, name: str, target: Any, losses: list[str], left_out: froz
         return
     item = parent[name]
     if isinstance(item, h5py.Dataset):
-        if not dataset_problem(item):
+        if not dataset_problem(item.id):
             target.create_dataset(name, data=item[()])
         return
     group = target.require_group(name)
@@ -261,7 +261,7 @@ def _readable_rows(source: Any, column: schema.Column) -> _Rows:
     nothing = _Rows(np.empty(0, column.dtype), np.empty(0, bool))
     try:
         dataset = source[column.name]
-        if not isinstance(dataset, h5py.Dataset) or dataset_problem(dataset) or dataset.ndim != 1:
+        if not isinstance(dataset, h5py.Dataset) or dataset_problem(dataset.id) or dataset.ndim != 1:
             return nothing
         if (dataset.dtype.kind == "S") != column.kind.startswith("S"):
             return nothing

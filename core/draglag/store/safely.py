@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,11 +10,13 @@ from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5a, h5d, h5g, h5o, h5s, h5z
 from numpy.typing import NDArray
 
 from draglag.errors import DataError, DraglagError, message_of
 from draglag.messages import Message, message, phrase
 from draglag.store.frames import MAGIC
+from draglag.store.items import attribute, attribute_sizes, links
 from draglag.store.schema import (
     SCHEMA,
     VERSION,
@@ -32,8 +35,8 @@ _DEFLATE_LIMIT = 1100  # deflate cannot shrink data further than about 1030 to 1
 # columns that hold one value throughout may add as much again.
 _WHOLE_LIMIT = 100
 _SLACK_BYTES = 2**24
-_OF_SCALES = {"DIMENSION_LIST", "REFERENCE_LIST"}  # read by HDF5 alone
-_FILTERS = {"1", "2", "3", "gzip", "shuffle", "fletcher32"}  # built in; others would load a plug-in
+_OF_SCALES = {b"DIMENSION_LIST", b"REFERENCE_LIST"}  # read by HDF5 alone
+_FILTERS = {h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32}  # built in; others would load a plug-in
 # Of every open column: they are read from end to end, so what has been read is not needed again. HDF5 2.0 takes 8 MiB.
 _CHUNK_CACHE_BYTES = 2**18
 TOO_LARGE = message("makes the file too large when unpacked")
@@ -173,24 +176,24 @@ def check_tree(file: Any, path: Path) -> None:
 def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
     """(name, problem) of every item that no session file has."""
     seen: set[int] = set()
-    waiting = [("", file, 0)]
+    waiting = [("", file.id, 0)]
     count, claimed = 0, 0
     limit = _WHOLE_LIMIT * file.id.get_filesize() + _SLACK_BYTES
-    yield from (("", problem) for problem in _attribute_problems(file))
+    yield from (("", problem) for problem in _attribute_problems(file.id))
     while waiting:
         prefix, group, depth = waiting.pop()
         if depth > MAX_DEPTH:
             yield prefix, message("is nested too deep")
             continue
-        for key in group:
-            name = f"{prefix}/{key}".lstrip("/")
+        for key, is_here in links(group, MAX_ITEMS - count + 1):
+            name = f"{prefix}/{key.decode()}".lstrip("/")
             count += 1
             if count > MAX_ITEMS:
                 yield name, message("is one item too many")
                 return
-            item, problems = _item(group, key, seen)
+            item, problems = _item(group, key, seen) if is_here else (None, [message("is a link to another place")])
             yield from ((name, problem) for problem in problems)
-            if isinstance(item, h5py.Group):
+            if isinstance(item, h5g.GroupID):
                 waiting.append((name, item, depth + 1))
             elif item is not None:
                 claimed += _bytes(item)
@@ -199,57 +202,50 @@ def tree_problems(file: Any) -> Iterator[tuple[str, str]]:
                     return
 
 
-def _item(group: Any, key: str, seen: set[int]) -> tuple[Any, list[str]]:
-    if not isinstance(group.get(key, getlink=True), h5py.HardLink):
-        return None, [message("is a link to another place")]
-    item = group[key]
+def _item(group: Any, key: bytes, seen: set[int]) -> tuple[Any, list[str]]:
+    item = h5o.open(group, key)
     problems = list(_attribute_problems(item))
-    if isinstance(item, h5py.Group):
-        address = int(h5py.h5o.get_info(item.id).addr)
+    if isinstance(item, h5g.GroupID):
+        address = int(h5o.get_info(item).addr)
         if address in seen:
             return None, [*problems, message("is the same group under a second name")]
         seen.add(address)
         return item, problems
-    if not isinstance(item, h5py.Dataset):
+    if not isinstance(item, h5d.DatasetID):
         return None, [*problems, message("is a named type")]
     problem = dataset_problem(item)
     return (None, [*problems, problem]) if problem else (item, problems)
 
 
 def _attribute_problems(item: Any) -> Iterator[str]:
-    if not hasattr(item, "attrs"):
-        return
-    if len(item.attrs) > _MAX_ATTRIBUTES:
+    if h5a.get_num_attrs(item) > _MAX_ATTRIBUTES:
         yield message("has too many attributes")
         return
-    for key in item.attrs:
-        handle = item.attrs.get_id(key)
-        if key not in _OF_SCALES and handle.get_storage_size() > _MAX_ATTRIBUTE_BYTES:
-            yield message(
-                "has the attribute {attribute} of {size} bytes",
-                attribute=short_text(key),
-                size=handle.get_storage_size(),
-            )
+    for key, size in attribute_sizes(item):
+        if size > _MAX_ATTRIBUTE_BYTES and key not in _OF_SCALES:
+            text = short_text(key.decode())
+            yield message("has the attribute {attribute} of {size} bytes", attribute=text, size=size)
 
 
 def _bytes(dataset: Any) -> int:
-    return int(np.prod(dataset.shape, dtype=object)) * int(dataset.dtype.itemsize)
+    return math.prod(dataset.shape) * int(dataset.dtype.itemsize)
 
 
 def dataset_problem(dataset: Any) -> str:
-    """The problem of a dataset, or empty; nothing is read."""
-    kind = dataset.dtype
-    plist = dataset.id.get_create_plist()
+    """The problem of an open dataset (h5py's DatasetID), or empty; nothing is read."""
+    kind, shape = dataset.dtype, dataset.shape
+    plist = dataset.get_create_plist()
     if kind.kind not in "iufS" or kind.hasobject or kind.fields or kind.subdtype or h5py.check_enum_dtype(kind):
         return message("has a type no session file has ({kind})", kind=kind)
-    if plist.get_external_count() or dataset.is_virtual:
+    if plist.get_external_count() or plist.get_layout() == h5d.VIRTUAL:
         return message("keeps its data in another file")
-    if not set(dataset._filters) <= _FILTERS:
+    filters = plist.get_nfilters()
+    if not {plist.get_filter(k)[0] for k in range(filters)} <= _FILTERS:
         return message("is packed with a filter this program does not load")
-    if dataset.shape is None or len(dataset.shape) > 1:
+    if shape is None or len(shape) > 1:
         return message("is not a column of numbers")
-    size, stored = _bytes(dataset), dataset.id.get_storage_size()
-    packed = _DEFLATE_LIMIT if plist.get_nfilters() else 1
+    size, stored = _bytes(dataset), dataset.get_storage_size()
+    packed = _DEFLATE_LIMIT if filters else 1
     if size > MAX_BYTES or size > packed * stored + 2**20:
         return message("claims {size} bytes and holds {stored}", size=size, stored=stored)
     return ""
@@ -257,12 +253,13 @@ def dataset_problem(dataset: Any) -> str:
 
 def read_attr(item: Any, key: str) -> Value:
     """An attribute. Raises DataError where it is not one number or text."""
-    if key not in item.attrs:
+    name = key.encode()
+    if not h5a.exists(item.id, name):
         raise DataError(message("{group} has no attribute {key}", group=item.name, key=key))
-    handle = item.attrs.get_id(key)
+    handle = h5a.open(item.id, name)
     if handle.shape not in ((), (1,)) or handle.get_storage_size() > _MAX_ATTRIBUTE_BYTES:
         raise DataError(message("{group}: the attribute {key} is not one value", group=item.name, key=key))
-    value = item.attrs[key]
+    value = attribute(item.id, name)
     if isinstance(value, np.ndarray) and value.shape == (1,):
         value = value[0]
     if isinstance(value, bytes):
@@ -359,7 +356,9 @@ def _readable(group: Any, column: Column) -> Any:
 
 
 def _values(dataset: Any, column: Column) -> NDArray[Any]:
-    values: NDArray[Any] = dataset[()]
+    values: NDArray[Any] = np.empty(dataset.shape, dataset.dtype)
+    if len(values):
+        dataset.id.read(h5s.ALL, h5s.ALL, values)
     return values if column.kind.startswith("S") else values.astype(column.dtype, copy=False)
 
 
