@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -69,6 +70,8 @@ def write_gap_report(
             "there is no verdict to report",
             message("Record what is missing: {missing}", missing=joined("; ", report.missing)),
         )
+    with _named(path):  # before the work
+        path.parent.mkdir(parents=True, exist_ok=True)
     again, unsimulated = _simulated(session, report, progress)
     source = source_of(session)
     body = [f"<h1>Gap between simulation and measurement: {escape(report.session)}</h1>"]
@@ -91,16 +94,20 @@ def write_gap_report(
         items = "".join(f"<li><b>{escape(title_of(k))}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
         body.append(f"<h2>What this session could not have shown</h2><ul>{_unbroken(items)}</ul>")
     title = f"{'SIMULATED – ' if source.simulated else ''}draglag gap report"
+    with _named(path), new_file(path, replace=True) as growing:
+        growing.write_text(_PAGE.format(title=title, css=FIGURE_CSS, body="".join(body)), "utf-8")
+    return path
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with new_file(path, replace=True) as growing:
-            growing.write_text(_PAGE.format(title=title, css=FIGURE_CSS, body="".join(body)), "utf-8")
+        yield
     except OSError as problem:
         raise DataError(
             message("{path}: cannot be written ({why})", path=path, why=cause(problem)),
             "Choose a folder that can be written to",
         ) from None
-    return path
 
 
 def _unbroken(html: str) -> str:

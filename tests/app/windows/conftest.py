@@ -14,9 +14,13 @@ import shiboken6
 from PySide6.QtCore import QCoreApplication, QEvent, QEventLoop, QObject, QThread, QTimer
 from PySide6.QtWidgets import QApplication
 
+from draglag.analysis import Analysis, analyze
 from draglag.protocol.runs import Protocol, load_protocol
+from draglag.recording import Session
+from draglag.store import read_session
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
+from draglag_app.windows import workspace
 from draglag_app.windows.application import make_application
 from draglag_app.windows.parts.garbage import Garbage, collect_in_this_thread
 from draglag_app.windows.settings import RigSettings, Settings
@@ -24,6 +28,7 @@ from draglag_app.windows.window import OperatorWindow
 from draglag_devices.rig import make_rig
 
 SIMULATED = RigSettings(touch="sim:", laser="sim:", walt="sim:", fast=True, display="offscreen")
+ShowSession = Callable[..., None]
 _TICK_MS = 2
 _MANY_OBJECTS = 100_000  # a window and all it holds are a tenth of it
 
@@ -161,15 +166,37 @@ def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run_session(protocol, rig, OffscreenDisplay(), out, session_options(rig, "screen-1", None))
 
 
+@pytest.fixture(scope="session")
+def analysis_of_file(session_file: Path) -> tuple[Session, Analysis]:
+    """The recorded session, read and analysed once for all windows that only show it."""
+    session = read_session(session_file)
+    return session, analyze(session)
+
+
+@pytest.fixture
+def show_session(qapp: QApplication, session_file: Path, analysis_of_file: tuple[Session, Analysis]) -> ShowSession:
+    """Open the recorded session, or a copy of it, in a window that is to show its analysis."""
+    session, analysis = analysis_of_file
+
+    def show(window: OperatorWindow, path: Path = session_file) -> None:
+        assert window.space.options == analysis.options
+        with pytest.MonkeyPatch.context() as known:
+            known.setattr(workspace, "read_session", lambda _: session)
+            known.setattr(workspace, "kept_comments", lambda _: {})
+            known.setattr(workspace, "analyze", lambda *_: analysis)
+            window.space.open(path)
+            wait_until(qapp, lambda: window.space.analysis is not None and not window.space.tasks.running)
+
+    return show
+
+
 @pytest.fixture
 def opened(
-    open_window: Callable[..., OperatorWindow], qapp: QApplication, session_file: Path, tmp_path: Path
+    open_window: Callable[..., OperatorWindow], show_session: ShowSession, session_file: Path, tmp_path: Path
 ) -> OperatorWindow:
     """A window with a recorded session at hand, analysed."""
     window = open_window()
-    path = Path(shutil.copy(session_file, tmp_path / "session.h5"))
-    window.space.open(path)
-    wait_until(qapp, lambda: window.space.analysis is not None and not window.space.tasks.running)
+    show_session(window, Path(shutil.copy(session_file, tmp_path / "session.h5")))
     return window
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -167,12 +166,11 @@ def looks_as_before(qapp: QApplication, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 
 @pytest.fixture
-def analysed(session_file: Path, until: Callable) -> Change:
+def analysed(show_session: Callable) -> Change:
     """Opens a session, analyses it and comments on a run."""
 
     def open_it(window: OperatorWindow) -> None:
-        window.space.open(session_file)
-        until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+        show_session(window)
         window.space.comment(window.space.session.runs[1].id, "slipped")
 
     return open_it

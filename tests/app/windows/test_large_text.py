@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QPoint
@@ -47,7 +46,7 @@ def test_every_page_fits_a_small_screen_with_large_text(large: OperatorWindow, q
 @pytest.mark.parametrize("recording", [False, True])
 @pytest.mark.parametrize("language", ["en", "nl"])
 def test_at_200_percent_buttons_and_labels_are_whole_or_the_page_scrolls(
-    open_window: Callable, qapp: QApplication, until: Callable, session_file: Path, language: str, recording: bool
+    open_window: Callable, qapp: QApplication, show_session: Callable, language: str, recording: bool
 ) -> None:
     """With a session at hand, and while another is recorded."""
     cut: list[tuple[str, str, int, int]] = []
@@ -55,8 +54,7 @@ def test_at_200_percent_buttons_and_labels_are_whole_or_the_page_scrolls(
         window = open_window(language=language, text_scale=2.0)
         window.record.set_recording(recording)
         if not recording:
-            window.space.open(session_file)
-            until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+            show_session(window)
         (scroll,) = window.findChildren(PageScroll)
         for name, (_, page) in window.pages.items():
             window.go(name)
@@ -101,10 +99,9 @@ def test_latency_and_verdict_are_whole(large: OperatorWindow, qapp: QApplication
 
 
 def test_the_choices_and_the_first_runs_of_results_are_in_sight(
-    large: OperatorWindow, qapp: QApplication, until: Callable, session_file: Path
+    large: OperatorWindow, qapp: QApplication, until: Callable, show_session: Callable
 ) -> None:
-    large.space.open(session_file)
-    until(lambda: large.space.analysis is not None and not large.space.tasks.running)
+    show_session(large)
     large.go("results")
     large.resize(1280, 800 - _AROUND_PX[1])  # below a title bar
     until(lambda: large.stack.width() > 1000)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from PySide6.QtWidgets import (
@@ -91,14 +90,13 @@ def not_reached(control: QWidget) -> str:
 
 @pytest.fixture
 def scaled(
-    open_window: Callable[..., OperatorWindow], qapp: QApplication, until: Callable, session_file: Path
+    open_window: Callable[..., OperatorWindow], qapp: QApplication, show_session: Callable
 ) -> Iterator[Callable[[float], OperatorWindow]]:
     """A window with text of a size, and a session."""
 
     def make(scale: float) -> OperatorWindow:
         window = open_window(text_scale=scale)
-        window.space.open(session_file)
-        until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+        show_session(window)
         return window
 
     yield make

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pyqtgraph as pg
 import pytest
@@ -96,12 +95,11 @@ def test_names_of_compared_sessions_keep_their_room(opened: OperatorWindow) -> N
 
 @pytest.mark.parametrize("language", ["en", "nl"])
 def test_names_of_alternative_curves_cover_no_run(
-    open_window: Callable, qapp: QApplication, until: Callable, session_file: Path, language: str
+    open_window: Callable, qapp: QApplication, until: Callable, show_session: Callable, language: str
 ) -> None:
     try:
         window = open_window(language=language)
-        window.space.open(session_file)
-        until(lambda: window.space.analysis is not None and not window.space.tasks.running)
+        show_session(window)
         at_size(window, (1280, 800), "results")
         results = window.pages["results"][1]
         results.show_alternatives.click()
