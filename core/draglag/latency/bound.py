@@ -88,6 +88,17 @@ def _low_pass(f_hz: FloatArray, corner_hz: float) -> FloatArray:
     return np.asarray(1 / (1 + (f_hz / corner_hz) ** 4) ** 2)
 
 
+def _posterior(edge_f: FloatArray, event_f: FloatArray, noise: FloatArray) -> FloatArray:
+    """Covariance of the path at m edges once n events are known, from the features (m, k) and (n, k) of both."""
+    n, k = event_f.shape
+    if n < k:  # the same by Woodbury's identity, with matrices (n, n) in place of (k, k)
+        shared = event_f @ edge_f.T
+        known = shared.T @ cho_solve(cho_factor(event_f @ event_f.T + noise), shared)
+        return np.asarray(edge_f @ edge_f.T - known)
+    precision = np.eye(k) + event_f.T @ cho_solve(cho_factor(noise), event_f)
+    return np.asarray(edge_f @ cho_solve(cho_factor(precision), edge_f.T))
+
+
 def latency_bound_s(
     edge_t_s: FloatArray,
     edge_x_mm: FloatArray,
@@ -122,9 +133,7 @@ def latency_bound_s(
         middle_s = float(t_s.mean())
         edge_f = kernel.features(t_s - middle_s, v, np.full_like(t_s, edge_y_mm))
         event_f = kernel.features(u_s - middle_s, w, y)
-        factor = cho_factor(noise.covariance(u_s))
-        precision = np.eye(edge_f.shape[1]) + event_f.T @ cho_solve(factor, event_f)
-        posterior = edge_f @ cho_solve(cho_factor(precision), edge_f.T)
+        posterior = _posterior(edge_f, event_f, noise.covariance(u_s))
         posterior += 1e-9 * max(float(np.trace(posterior)), 1e-9) * np.eye(t_s.size)
         information += design[block].T @ np.linalg.solve(posterior, design[block])
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))

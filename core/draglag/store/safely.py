@@ -228,7 +228,7 @@ def _attribute_problems(item: Any) -> Iterator[str]:
 
 
 def _bytes(dataset: Any) -> int:
-    return math.prod(dataset.shape) * int(dataset.dtype.itemsize)
+    return int(math.prod(dataset.shape) * dataset.dtype.itemsize)
 
 
 def dataset_problem(dataset: Any) -> str:

@@ -53,7 +53,7 @@ def test_attributes_have_the_values_and_sizes_that_h5py_gives(group: h5py.Group)
         assert name == b"empty" or size == group.attrs.get_id(name.decode()).get_storage_size()  # no size, no answer
 
 
-def test_links_that_lead_elsewhere_are_told_from_items(group: h5py.Group) -> None:
+def test_links_that_lead_elsewhere_are_no_items(group: h5py.Group) -> None:
     group["soft"], group["external"] = h5py.SoftLink("/none"), h5py.ExternalLink("b.h5", "/")
     group["here"], group["hard"] = [1.0], group.file["/"]
     assert links(group.id) == [(b"external", False), (b"hard", True), (b"here", True), (b"soft", False)]
