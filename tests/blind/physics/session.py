@@ -147,7 +147,7 @@ def _write_all(out: Path, rig: Rig, runs: list[dict[str, Any]], files: dict[str,
 
 
 def _write(path: Path, header: str, form: str, columns: tuple[np.ndarray, ...]) -> None:
-    rows = np.column_stack(columns).tolist()
-    text = header + "\n" + "".join(form % tuple(row) + "\n" for row in rows)
+    values = np.column_stack(columns).ravel().tolist()
+    text = header + "\n" + (form + "\n") * len(columns[0]) % tuple(values)
     # No time in the gzip header: the same seed gives the same bytes.
     path.write_bytes(gzip.compress(text.encode(), compresslevel=4, mtime=0))
