@@ -112,11 +112,11 @@ def _left(qapp: QApplication, before: dict[str, set[object]]) -> list[str]:
 @pytest.fixture(autouse=True)
 def nothing_left_behind(qapp: QApplication) -> Iterator[None]:
     """Fail on top-level widgets, running timers and threads that a test leaves behind."""
-    if len(gc.get_objects()) > _MANY_OBJECTS:  # a session that a window recorded has brought all of them back
-        _set_aside()
     before = _things(qapp)
     yield
     left = _left(qapp, before)
+    if len(gc.get_objects()) > _MANY_OBJECTS:  # a session that a window recorded has brought all of them back
+        gc.freeze()  # they have just been looked at
     assert not left, f"left behind: {left}"
     loop = QEventLoop()
     QTimer.singleShot(0, loop.quit)
