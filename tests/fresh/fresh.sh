@@ -1,5 +1,5 @@
 #!/bin/sh
-# Does what the README says, on a minimal Debian: debootstrap's minbase with python3 and python3-venv, nothing else.
+# Does what the README says, on a minimal Debian: mmdebstrap's minbase with python3 and python3-venv, nothing else.
 #   tests/fresh/fresh.sh [SUITE:WHO …]     SUITE: bookworm or trixie; WHO: root, or user (no sudo). Default: all four
 # Needs root. DRAGLAG_FRESH_CACHE: a folder to keep the bare roots in. Exit 0: passed, 1: failed, 77: cannot be tried.
 set -eu
