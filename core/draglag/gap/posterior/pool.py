@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.special import logsumexp
@@ -185,11 +186,14 @@ def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
     masses: dict[Names, float] = {}
     best: dict[Names, Explanation] = {}
     name_of = [member.name for member in search.linear.members]
-    for explanation in search.explanations:  # thousands
-        names = tuple(sorted([*(name_of[i] for i in explanation.members), *of_law]))
-        if not (inside.issubset(names) and one_law(names)):
-            continue
-        for named, log_share in _by_shape(names, falls):
+
+    @cache
+    def shapes(members: tuple[int, ...]) -> list[tuple[Names, float]]:
+        names = tuple(sorted([*(name_of[i] for i in members), *of_law]))
+        return _by_shape(names, falls) if inside.issubset(names) and one_law(names) else []
+
+    for explanation in search.explanations:  # thousands, most of them the same members at other scales
+        for named, log_share in shapes(explanation.members):
             mass = explanation.log_mass + log_share
             if named not in best:
                 masses[named], best[named] = mass, explanation
