@@ -1,4 +1,4 @@
-"""The bound's covariance is that of a Gaussian path, however many events tell of it."""
+"""The bound's covariance is that of Gaussian conditioning, whatever the number of events."""
 
 import numpy as np
 import pytest
