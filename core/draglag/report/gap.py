@@ -70,7 +70,7 @@ def write_gap_report(
             "there is no verdict to report",
             message("Record what is missing: {missing}", missing=joined("; ", report.missing)),
         )
-    with _named(path):  # before the work
+    with _write_errors_named(path):  # before the work
         path.parent.mkdir(parents=True, exist_ok=True)
     again, unsimulated = _simulated(session, report, progress)
     source = source_of(session)
@@ -94,13 +94,13 @@ def write_gap_report(
         items = "".join(f"<li><b>{escape(title_of(k))}</b>: {escape(v)}</li>" for k, v in report.not_seen.items())
         body.append(f"<h2>What this session could not have shown</h2><ul>{_unbroken(items)}</ul>")
     title = f"{'SIMULATED – ' if source.simulated else ''}draglag gap report"
-    with _named(path), new_file(path, replace=True) as growing:
+    with _write_errors_named(path), new_file(path, replace=True) as growing:
         growing.write_text(_PAGE.format(title=title, css=FIGURE_CSS, body="".join(body)), "utf-8")
     return path
 
 
 @contextmanager
-def _named(path: Path) -> Iterator[None]:
+def _write_errors_named(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as problem:

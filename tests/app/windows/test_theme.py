@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject
-from PySide6.QtGui import QImage
+from PySide6.QtGui import QColor, QImage, QPalette
 from PySide6.QtWidgets import QApplication
 
 from app.windows.conftest import settle
@@ -30,6 +30,8 @@ def test_the_other_theme_and_back_leave_every_page_as_it_was(open_window: Callab
     looks: dict[str, list[QImage]] = {name: [] for name in PAGES}
     for chosen in ("light", "dark", "light", "dark", "light"):
         window.use_theme(chosen)
+        # What no style sheet colours has the palette's colours: lists, dialogs, tooltips.
+        assert qapp.palette().color(QPalette.ColorRole.Window) == QColor(theme().window)
         for name, seen in looks.items():
             window.go(name)
             settle(qapp)

@@ -76,12 +76,12 @@ def apply_theme(application: QApplication, name: str, scale: float | None = None
     if name not in THEMES:
         name = "dark" if application.palette().color(QPalette.ColorRole.Window).lightness() < 128 else "light"
     _present = THEMES[name]
-    _take_on(application, style_sheet(_present, _scale))
+    _restyle(application, style_sheet(_present, _scale))
     pg.setConfigOptions(background=_present.panel, foreground=_present.muted, antialias=True)
     return _present
 
 
-def _take_on(application: QApplication, sheet: str) -> None:
+def _restyle(application: QApplication, sheet: str) -> None:
     if application.styleSheet() == sheet:
         return
     # From one sheet to another Qt works out the looks of everything several times over: without one in between, once.
