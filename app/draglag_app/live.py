@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 from draglag.protocol.runs import PlannedRun
 from draglag.recording import FloatArray
 from draglag_app.session.events import SamplesArrived

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import savgol_filter
+from scipy.signal import lfilter, savgol_coeffs, savgol_filter
 from scipy.stats import binom
 
 from draglag.instruments.taps import summarise_taps
 from draglag.latency.spectrum import _window
-from draglag.path.savgol import smoothed
+from draglag.path.recursion import exponentially_smoothed
+from draglag.path.savgol import smoothed, weights
 from draglag.recording import Taps
 
 SAMPLE = Path(__file__).parents[1] / "data" / "exchange" / "none-A"
@@ -43,6 +44,10 @@ def test_the_analysis_brings_no_files_and_nothing_heavy() -> None:
     assert not loaded("import draglag.analysis", (*HEAVY, "h5py", "pydantic"))
 
 
+def test_the_gap_is_imported_without_what_only_some_sessions_need() -> None:
+    assert not loaded("import draglag.gap", (*HEAVY, "scipy.ndimage", "h5py"))
+
+
 def test_a_session_is_analysed_without_anything_heavy() -> None:
     assert not loaded(ANALYSE, tuple(name for name in HEAVY if name != "scipy.interpolate"))
 
@@ -63,10 +68,18 @@ def test_local_polynomials_are_those_of_scipy(window: int, degree: int, order: i
     np.testing.assert_allclose(
         smoothed(values, window, degree, order, 0.008), theirs, atol=1e-10 * np.abs(theirs).max()
     )
+    np.testing.assert_allclose(weights(window, degree), savgol_coeffs(window, degree), atol=1e-12)
     one = savgol_filter(values[:, 0], window, degree, deriv=order, delta=0.008)
     np.testing.assert_allclose(
         smoothed(values[:, 0], window, degree, order, 0.008), one, atol=1e-10 * np.abs(one).max()
     )
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.9])
+def test_exponential_smoothing_is_a_filter_that_begins_at_rest(kept: float) -> None:
+    values = 300 + np.cumsum(np.random.default_rng(1).normal(size=200))
+    theirs, _ = lfilter([1 - kept], [1, -kept], values, zi=[kept * values[0]])
+    np.testing.assert_allclose(exponentially_smoothed(values, kept), theirs, rtol=1e-12)
 
 
 def test_the_window_of_the_spectrum_is_that_of_scipy() -> None:

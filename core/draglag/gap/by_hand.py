@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from draglag.errors import DataError, EstimateError, message_of
 from draglag.gap.compose import Gap, Model, Shrinkage, shown_by_streams, shrinkage, with_one_more
@@ -95,7 +95,7 @@ def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) ->
         parameters_of(effect, fit),
         where_of(effect, fit),
         effect_class(effect).follows,
-        float(chi2.sf(max(deviance_gained(before, fit), 0.0), max(fit.design.shape[1] - before.design.shape[1], 1))),
+        float(chdtrc(max(fit.design.shape[1] - before.design.shape[1], 1), max(deviance_gained(before, fit), 0.0))),
         message(
             "added by hand; held-out gap changed by {low:+.3f} to {high:+.3f} mm (95 %): {verdict}",
             low=low,

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import norm, uniform
+from scipy.special import logsumexp, ndtr
 
 from draglag.curve import CurvePoints, fit_best, fit_form
 from draglag.errors import EstimateError
@@ -102,8 +101,8 @@ class Ends:
     def densities(self, off_s: float, more: float) -> tuple[FloatArray, float]:
         """Densities of releases, 1/s, times the forms' probabilities: known (k,), unknown. more: as in ``sds_s``."""
         (low, high), (known_s, sd_s) = self.any_s, self.sds_s(more)
-        inside = float(norm.cdf(high, off_s, sd_s) - norm.cdf(low, off_s, sd_s))
-        known = (1 - self.p_any) * self.weights * norm.pdf(off_s, self.at_s, known_s)
+        inside = float(ndtr((high - off_s) / sd_s) - ndtr((low - off_s) / sd_s))
+        known = (1 - self.p_any) * self.weights * _normal_density((off_s - self.at_s) / known_s) / known_s
         return np.asarray(known), self.p_any * inside / (high - low)
 
     def with_and_without(self, off_s: float) -> tuple[float, float]:
@@ -125,13 +124,17 @@ class Ends:
         sizes_s, (low, high), sd_s = off_s - self.at_s, self.any_s, self.sds_s()[0]
         widest = 4 * float(sd_s.max())
         grid = np.linspace(min(*sizes_s, off_s - high) - widest, max(*sizes_s, off_s - low) + widest, POINTS)
-        below = known @ norm.cdf(grid, sizes_s[:, None], sd_s[:, None])
-        below += unknown * uniform.cdf(grid, off_s - high, high - low)
+        below = known @ ndtr((grid - sizes_s[:, None]) / sd_s[:, None])
+        below += unknown * np.clip((grid - off_s + high) / (high - low), 0.0, 1.0)
         whole = known.sum() + unknown
         ends = np.interp(np.array([0.025, 0.975]) * whole, below, grid)
         middle = (known @ sizes_s + unknown * (off_s - 0.5 * (low + high))) / whole
         p = min(with_it / (with_it + without), STATED_AT_MOST)
         return Offset(float(middle), (float(ends[0]), float(ends[1])), float(p))
+
+
+def _normal_density(z: FloatArray) -> FloatArray:
+    return np.asarray(np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi))
 
 
 def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtri
 
 from draglag.errors import DraglagError
 from draglag.gap.constants import (
@@ -73,7 +73,7 @@ def _latency(again: Replay) -> Statistic | None:
     variance = of_measured**2 + of_simulated**2 + (1e3 * again.between_runs_s) ** 2
     difference = simulated - measured
     moved, expected = (float(np.sqrt(np.mean((1e-3 * x * speed) ** 2))) for x in (difference, np.sqrt(variance)))
-    p_value = float(chi2.sf(np.sum(difference**2 / variance), len(rows)))
+    p_value = float(chdtrc(len(rows), np.sum(difference**2 / variance)))
     agrees = p_value > UNLIKELY or moved < max(SIZE_OF_INTEREST_MM, 2 * expected)
     return Statistic(LATENCY, "speed", moved, expected, "mm RMS", agrees)
 
@@ -90,7 +90,7 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
     weight = 1 / (one**2 + other**2 + WIDTH_SD_MM**2)
     means = float(np.average(measured, weights=weight)), float(np.average(simulated, weights=weight))
     of_interest_mm = 2 * SIZE_OF_INTEREST_MM  # both edges move by half of what a width changes
-    surely_mm = float(norm.isf(0.5 * UNLIKELY)) / float(np.sqrt(weight.sum()))
+    surely_mm = float(-ndtri(0.5 * UNLIKELY)) / float(np.sqrt(weight.sum()))
     agrees = abs(means[0] - means[1]) < max(of_interest_mm, surely_mm)
     return Statistic("stylus width", "kind_of_edge", *means, "mm", agrees)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from draglag.errors import EstimateError
 from draglag.gap.by_taps import creep_of
@@ -192,7 +192,7 @@ def step_of(
         parameters_of(effect, last),
         where_of(effect, last),
         effect_class(effect).follows,
-        float(chi2.sf(max(gained, 0.0), added)),
+        float(chdtrc(added, max(gained, 0.0))),
         evidence,
         gap_mm(before),
         gap_mm(after),

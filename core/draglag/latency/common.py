@@ -9,7 +9,7 @@ import numpy as np
 from draglag.instruments.beam import fit_lines, sides
 from draglag.latency.edges import Edges
 from draglag.latency.estimate import FEW_EDGES, Alignment, Prepared, RunEstimate
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray
 
 # In diameters. Below it, up and down cross the beam at places of their own, and a slope looks like a latency: standard

@@ -10,7 +10,7 @@ from draglag.errors import DataError
 from draglag.messages import message
 from draglag.path.events import contact_losses, in_contact, sample_interval_s, usable
 from draglag.path.inversion import Law, stylus_path, stylus_speed, stylus_time_s
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray, TouchTrace
 from draglag.shown import brief
 

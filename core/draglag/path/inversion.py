@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.path.events import sample_interval_s
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 from draglag.path.savgol import smoothed
 from draglag.recording import FloatArray, IntArray
 

@@ -29,6 +29,11 @@ def smoothed(values: FloatArray, window: int, degree: int, order: int = 0, step:
     return out.reshape(values.shape)
 
 
+def weights(window: int, degree: int) -> FloatArray:
+    """Weight of each sample in the smoothed middle of a window, (window,)."""
+    return np.array(_fit(window, degree)[0])
+
+
 @lru_cache(maxsize=32)
 def _fit(window: int, degree: int) -> FloatArray:
     at = np.arange(-(window // 2), window // 2 + 1.0)

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
+from draglag.path.recursion import recursion
 from draglag.recording import FloatArray, IntArray
 from draglag.simulation.effects.base import Effect, TouchEvents
 from draglag.simulation.kinematics import Kinematics
@@ -64,7 +64,7 @@ def _noise(rig: Rig, n: int, rng: np.random.Generator) -> FloatArray:
     white, slow = rng.standard_normal((2, n))
     keep = np.exp(-1 / (rig.touch_rate_hz * rig.noise_slow_s))
     slow[1:] *= np.sqrt(1 - keep**2)
-    slow = np.asarray(lfilter([1.0], [1.0, -keep], slow)) if n else slow
+    slow = recursion(np.full(n, keep), slow)
     share = rig.noise_slow_share
     return np.asarray(rig.noise_mm * (np.sqrt(1 - share) * white + np.sqrt(share) * slow))
 

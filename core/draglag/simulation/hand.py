@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from draglag.protocol.targets import Target
 from draglag.simulation.kinematics import GRID_HZ, FloatArray, Motion, grid, motion_of
@@ -41,11 +40,15 @@ PERFECT = Human(0.0, 0.0, 0.0, 0.5, 0.0, 0.0, (0.0, 0.0))
 
 @cache
 def _sections(low_hz: float | None, high_hz: float) -> FloatArray:
+    from scipy.signal import butter
+
     band = high_hz if low_hz is None else (low_hz, high_hz)
     return np.asarray(butter(2, band, "low" if low_hz is None else "band", fs=GRID_HZ, output="sos"))
 
 
 def _band_noise(rng: np.random.Generator, n: int, low_hz: float | None, high_hz: float, sd: float) -> FloatArray:
+    from scipy.signal import sosfiltfilt
+
     white = rng.standard_normal(n + int(4 * GRID_HZ))  # the surplus keeps the filter's ends out
     if sd == 0:
         return np.zeros(n)

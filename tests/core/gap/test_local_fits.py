@@ -10,7 +10,7 @@ import numpy as np
 from draglag.exchange import read_exchange
 from draglag.gap.traces.local_fits import POSITION_STEP_S, Kept, traces_of
 from draglag.gap.traces.run_data import gather
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray, IntArray
 
 SAMPLES = Path(__file__).parents[2] / "data" / "exchange"

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import savgol_filter
 
 from draglag.gap.replaying.realised import held_s
 from draglag.gap.traces.run_data import RunData
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
+from draglag.path.savgol import smoothed
 from draglag.recording import FloatArray
 from draglag.simulation.digitiser import reporting
 from draglag.simulation.effects.base import Effect
 from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
 from draglag.simulation.rig import Rig
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 COARSE = 5  # grid points of the simulation between two points at which the trace is smoothed
 SMOOTHED = 31  # coarse points, about 0.15 s
@@ -53,11 +56,13 @@ def hand_motion(
         moved = np.column_stack([report.x_mm - motion.x_mm, report.y_mm - motion.y_mm])[coarse]
         if moved.any() and coarse.size > SMOOTHED:
             # A low-pass cannot be undone at frequencies it lets nothing of through: noise would grow at every round.
-            moved = savgol_filter(moved, SMOOTHED, 3, axis=0)
+            moved = smoothed(moved, SMOOTHED, 3)
     return motion, start_s
 
 
 def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, CubicSpline]:
+    from scipy.interpolate import CubicSpline
+
     grid_s = np.linspace(data.t_s[0], data.t_s[-1], int(np.ptp(data.t_s) * GRID_HZ / COARSE) + 2)
     near = local_fit(data.t_s, data.xy_mm, grid_s, data.half_s)
     wide = local_fit(data.t_s, data.xy_mm, grid_s, np.interp(grid_s - latency_s, data.edge_t_s, data.speed_half_s))
@@ -78,6 +83,8 @@ def _smooth(rate: FloatArray) -> FloatArray:
 
 
 def _motion(t: FloatArray, at: FloatArray, xy_mm: FloatArray, velocity: FloatArray) -> Motion:
+    from scipy.interpolate import CubicSpline
+
     path = CubicSpline(at, xy_mm)(t)
     vx, vy = (np.interp(t, at, column) for column in velocity.T)
     return Motion(t, path[:, 0], path[:, 1], vx, vy, np.ones(t.size, bool))

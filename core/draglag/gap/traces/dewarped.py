@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from draglag.path.events import sample_interval_s
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray
 
 if TYPE_CHECKING:

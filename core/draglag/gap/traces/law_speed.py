@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solveh_banded
-from scipy.signal import lfilter
 
-from draglag.path.recursion import recursion
+from draglag.path.recursion import exponentially_smoothed, recursion
 from draglag.recording import FloatArray
 from draglag.simulation.law import USUAL_LATENCY_S
 
@@ -71,7 +70,7 @@ def _now(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray
             out.append((grid_s, shown))
             continue
         keep = float(np.exp(-step_s / tau_s))
-        speed, _ = lfilter([1 - keep], [1, -keep], shown, zi=[keep * shown[0]])
+        speed = exponentially_smoothed(shown, keep)
         out.append((grid_s + 0.5 * step_s, speed))  # each step takes in what is shown at its end
     return out
 

@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from draglag.gap.traces.run_data import RunData
 from draglag.gap.traces.touch_noise import spread_of
 from draglag.path.events import sample_interval_s
-from draglag.path.motion import FitWeights, local_fit
+from draglag.path.local_fit import FitWeights, local_fit
 from draglag.recording import FloatArray, IntArray
 
 BETWEEN_S = 10.0  # longer than any window

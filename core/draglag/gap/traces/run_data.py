@@ -18,7 +18,8 @@ from draglag.latency.estimate import RunEstimate, prepare
 from draglag.latency.run import estimate_run
 from draglag.messages import message
 from draglag.path.events import contact_losses, sample_interval_s
-from draglag.path.motion import best_half_width_s, local_fit, speed_half_widths_s
+from draglag.path.local_fit import local_fit
+from draglag.path.motion import best_half_width_s, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
 from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData

@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from draglag.gap.streams.stamps import StreamEffect, Streams
 from draglag.messages import message
@@ -128,6 +127,8 @@ def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndar
 
 def _usual_around(off_mm: FloatArray, even: FloatArray, at_speed_mm2: FloatArray, resolution_mm: float) -> FloatArray:
     """Mean square bend (2, n) mm² around each inner event."""
+    from scipy.ndimage import uniform_filter1d
+
     of_even = uniform_filter1d(off_mm**2 * even, AROUND, axis=1)
     usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
     return np.asarray(np.minimum(usual_mm2, np.maximum(at_speed_mm2, resolution_mm**2 / 8)))
@@ -142,6 +143,8 @@ def _stretches(straight: np.ndarray, least: int) -> list[tuple[int, int]]:
 
 def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
     """By run, mean square bend (n,) mm² usual at each inner event's speed: filters may make lines at low speed, too."""
+    from scipy.ndimage import minimum_filter1d, uniform_filter1d
+
     bends, speeds = {}, {}
     for index, touch in enumerate(touches):
         t, x, y = touch.t_s, touch.x_mm, touch.y_mm

@@ -8,9 +8,9 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.signal import savgol_coeffs, savgol_filter
 
 from draglag.path.motion import best_half_width_s
+from draglag.path.savgol import smoothed, weights
 from draglag.recording import FloatArray
 from draglag.simulation.effects.in_fits import UndoneTrace
 
@@ -88,11 +88,11 @@ def _speed_mm_s(t_s: FloatArray, xy_mm: FloatArray) -> float:
 
 
 def _path(xy_mm: FloatArray) -> FloatArray:
-    return np.asarray(savgol_filter(xy_mm, WINDOW, DEGREE, axis=0))
+    return smoothed(xy_mm, WINDOW, DEGREE)
 
 
 def _place(xy_mm: FloatArray) -> FloatArray:
-    return np.asarray(savgol_filter(xy_mm, WINDOW, BENDS, axis=0))
+    return smoothed(xy_mm, WINDOW, BENDS)
 
 
 def _deviation_from_path(values: FloatArray) -> FloatArray:
@@ -106,7 +106,7 @@ def _waves(xy_mm: FloatArray, pitch_mm: float) -> FloatArray:
 
 def _power(runs: Sequence[FloatArray]) -> FloatArray:
     """Approximate explained square of waves of each pitch, (pitches,)."""
-    kernel = -savgol_coeffs(WINDOW, DEGREE)
+    kernel = -weights(WINDOW, DEGREE)
     kernel[WINDOW // 2] += 1
     turns = np.linspace(0, 0.5, 257)
     passes = np.abs(np.exp(2j * np.pi * turns[:, None] * np.arange(WINDOW)) @ kernel) ** 2  # of a wave, its power

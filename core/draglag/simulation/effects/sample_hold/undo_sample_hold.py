@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
-from scipy.signal import savgol_filter
 
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
+from draglag.path.savgol import smoothed
 from draglag.recording import FloatArray, IntArray, TouchTrace
 from draglag.simulation.effects.sample_hold.ages import uneven_age_s
 
@@ -114,8 +113,8 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
     tick = _ticks(touch.t_s, period_s)
     even = np.arange(tick[-1] + 1)
     xy = np.column_stack([np.interp(even, tick, v) for v in (touch.x_mm, touch.y_mm)])
-    smooth = savgol_filter(xy, WINDOW, DEGREE, axis=0)[tick]
-    velocity = savgol_filter(xy, WINDOW, DEGREE, deriv=1, delta=period_s, axis=0)[tick]
+    smooth = smoothed(xy, WINDOW, DEGREE)[tick]
+    velocity = smoothed(xy, WINDOW, DEGREE, 1, period_s)[tick]
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     off = np.column_stack([touch.x_mm, touch.y_mm]) - smooth
     moving = speed > 0.3 * np.median(speed)
@@ -143,6 +142,8 @@ def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
 
 def _beats(runs: Sequence[_Deviation]) -> list[float]:
     """α of each line that runs share."""
+    from scipy.ndimage import maximum_filter1d
+
     power = np.zeros(GRID)
     widest = 1
     for run in runs:
@@ -181,7 +182,7 @@ class _Fit:
 def _sawtooth(run: _Deviation, alpha: float, phases: FloatArray = PHASES) -> _Fit:
     """Best sawtooth and the share it explains."""
     even = np.mod(alpha * np.arange(run.tick[-1] + 1)[:, None] - phases, 1.0)
-    sawtooth = (savgol_filter(even, WINDOW, DEGREE, axis=0) - even)[run.tick]  # as the deviations were taken
+    sawtooth = (smoothed(even, WINDOW, DEGREE) - even)[run.tick]  # as the deviations were taken
     moment = (run.weight * run.ahead_s) @ sawtooth
     size = run.weight @ sawtooth**2
     gain = np.where(moment > 0, moment**2 / size, 0.0) / float(np.sum(run.weight * run.ahead_s**2))

@@ -9,9 +9,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, median_filter
 
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, stack_runs, track_histories
@@ -79,6 +78,8 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
 @lru_cache(maxsize=4)
 def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -> float | None:
     """Acceleration threshold, mm/s², that separates the filter's stretches, if any. runs: with the lateness undone."""
+    from scipy.ndimage import gaussian_filter1d
+
     changes, states = [], []
     first_s = min(float(data.t_s[0]) for data in runs)
     for data in runs:
@@ -99,6 +100,8 @@ def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
     """Typical skip in runs that also stand still; None as in ``find_skips``."""
+    from scipy.ndimage import median_filter
+
     skips, standstills, at = [], 0, []
     for data in runs:
         apart_s, way_mm = np.diff(data.t_s), np.hypot(*np.diff(data.xy_mm, axis=0).T)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from scipy.signal import filtfilt
 
 from draglag.recording import FloatArray
 from draglag.simulation.effects.base import Effect
@@ -48,6 +47,8 @@ class SmoothingShrink(Effect):
 
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         """Zero-phase low-pass with the gain of the full time constant."""
+        from scipy.signal import filtfilt
+
         one_way = self.value / np.sqrt(2)
         if one_way == 0:
             return x_mm, y_mm

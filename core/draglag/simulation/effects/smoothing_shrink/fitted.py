@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
+from draglag.path.recursion import exponentially_smoothed
 from draglag.recording import FloatArray
 from draglag.simulation.effects.fitted_shape import FittedShape
 from draglag.simulation.kinematics import Kinematics
@@ -30,6 +30,6 @@ def low_passed(position_mm: FloatArray, time_constant_s: float, step_s: float) -
     if time_constant_s <= 0:
         return position_mm
     keep = float(np.exp(-step_s / time_constant_s))
-    late = position_mm[0] + lfilter([1 - keep], [1.0, -keep], position_mm - position_mm[0])
+    late = exponentially_smoothed(position_mm, keep)
     t = step_s * np.arange(position_mm.size)
     return np.asarray(np.interp(t + time_constant_s, t, late))

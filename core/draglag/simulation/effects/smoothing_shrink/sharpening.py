@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from scipy.sparse import csr_matrix, identity
 
-from draglag.path.motion import LocalFit, local_fit
+from draglag.path.local_fit import LocalFit, local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.effects.in_fits import UndoneTrace
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import identity
 
 from draglag.path.events import first_of_contact, sample_interval_s
-from draglag.path.motion import local_fit
+from draglag.path.local_fit import local_fit
 from draglag.simulation.effects.in_fits import UndoneTrace
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     Setting,
