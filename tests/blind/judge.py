@@ -74,7 +74,8 @@ def judge(task: Task, known: Known, report: dict[str, Any], floor: dict[str, Any
     answer = _answer(known, report, steps, owned_up)
     right = _right(task.kind, known, report, answer, hits)
     # A law that follows what moves now has no delay to compare.
-    sized = {name: size for name, size in hidden.items() if not known.variants.get(name, {}).get("present")}
+    whole = {name: size + known.own.get(name, 0.0) for name, size in hidden.items()}
+    sized = {name: size for name, size in whole.items() if not known.variants.get(name, {}).get("present")}
     error, covered = _parameter_error(hits, sized)
     stated = steps[0].get("probability") if steps else None
     return Outcome(

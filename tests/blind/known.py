@@ -6,13 +6,15 @@ from typing import Any
 from .conditions import STREAM, Task
 from .displacement import OF_INTEREST_MM, Displacement
 from .physics.effects import ACCEPTED, REAL_LIBRARY
+from .physics.real.rig import own_sizes
 from .physics.session import Truth
 
 
 @dataclass(frozen=True)
 class Known:
     """The truth that a judgement needs. `size`: of the least visible effect, in just-detectable sizes (plain world) or
-    sizes of interest (realistic world); None where the streams show it. `together`: all effects at once."""
+    sizes of interest (realistic world); None where the streams show it. `together`: all effects at once. `own`: what
+    the rig has of an effect's kind by itself, which nobody can tell from what is hidden."""
 
     effects: dict[str, float]
     taps_before: int = 0
@@ -21,6 +23,7 @@ class Known:
     size: float | None = None
     displaced: dict[str, Displacement] = field(default_factory=dict)
     together: Displacement | None = None
+    own: dict[str, float] = field(default_factory=dict)
 
     @property
     def accepted(self) -> frozenset[str]:
@@ -41,8 +44,9 @@ def known_of(
 ) -> Known:
     """What to know of a session that was just made."""
     return Known(
-        truth.effects, truth.rig.taps_before, truth.variants, truth.rig.law.form, size, displaced or {}, together
-    )
+        truth.effects, truth.rig.taps_before, truth.variants, truth.rig.law.form, size, displaced or {}, together,
+        own_sizes(truth.rig),
+    )  # fmt: skip
 
 
 def size_of_interest(effects: dict[str, float], together: Displacement | None) -> float | None:
@@ -60,6 +64,7 @@ def to_json(task: Task, truth: Truth, known: Known) -> dict[str, Any]:
         "together": None if known.together is None else asdict(known.together),
         "matters": known.matters,
         "size": known.size,
+        "own_sizes": known.own,
         "accepted_names": sorted(set(known.effects) & set(REAL_LIBRARY) | known.accepted),
     }
 
@@ -71,6 +76,6 @@ def from_json(data: dict[str, Any]) -> tuple[Task, Known]:
     together = None if data["together"] is None else Displacement(**data["together"])
     known = Known(
         data["hidden_effects"], data["rig"]["taps_before"], data["variants"], data["law_form"], data["size"],
-        displaced, together,
+        displaced, together, data.get("own_sizes", {}),
     )  # fmt: skip
     return task, known

@@ -228,3 +228,11 @@ def test_engine_is_handed_the_folder(tmp_path):
     found = workflow.close(tmp_path, engine=f"{__name__}:engine")
     assert found["steps"][0]["effect"] == "beam_bow"
     assert found["seconds"] >= 0
+
+
+@pytest.mark.parametrize(("own_mm", "covered"), [({}, False), ({"beam_width": -0.06}, True)])
+def test_a_size_is_that_of_the_rig_and_of_what_is_hidden_together(own_mm, covered):
+    known = Known({"beam_width": 0.86}, together=LARGE, own=own_mm)
+    said = report("beam_width")
+    said["steps"][0]["parameters"] = {"extra_mm": {"value": 0.804, "ci95": [0.795, 0.813]}}
+    assert judge(Task("single", "beam_width", 1.0, 1, world="realistic"), known, said).covered is covered

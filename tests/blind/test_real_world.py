@@ -10,6 +10,7 @@ from blind.displacement import displaced_by, displacements
 from blind.physics.law import FORMS, draw_law, draw_transport
 from blind.physics.real.beam import Sensor, crossings
 from blind.physics.real.hand import drag
+from blind.physics.real.rig import own_sizes
 from blind.physics.rig import Profile
 from blind.physics.session import make_session
 from blind.realistic import quick_real_tasks, real_tasks, refitted
@@ -87,6 +88,17 @@ def test_comparators_hysteresis_makes_both_edges_late():
     slope = np.exp(-0.5 * (sensor.widens_mm / 2 / 0.3) ** 2) / (0.3 * np.sqrt(2 * np.pi))
     np.testing.assert_allclose(late, 0.02 / slope / 100.0, rtol=0.05)
     assert np.diff(ideal)[0] * 100 == pytest.approx(7.0 + sensor.widens_mm, abs=1e-3)
+
+
+def test_the_rigs_own_width_is_that_of_its_shadow():
+    """Of a sound rig, from what light its sensor gets as a disc of its diameter passes slowly."""
+    rig = make_session(None, SEED, {}, CLEAN).rig
+    t = np.arange(0, 4, 1 / 4000)
+    exact = replace(rig.sensor, hysteresis=0.0)
+    stamps, _, _ = crossings(np.random.default_rng(1), exact, t, 10.0 * (t - 2), 0.5 * rig.disc_mm, (0, 4), 0.0)
+    shadow_mm = 10.0 * np.diff(stamps)[0]
+    assert own_sizes(rig)["beam_width"] == pytest.approx(shadow_mm - rig.diameter_mm, abs=1e-3)
+    assert own_sizes(replace(rig, sensor=None)) == {}
 
 
 def test_passes_are_missed_as_often_as_said():

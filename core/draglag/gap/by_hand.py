@@ -12,10 +12,11 @@ from draglag.gap.compose import Gap, Model, Shrinkage, shown_by_streams, shrinka
 from draglag.gap.constants import STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm
 from draglag.gap.fitting.joint import Fit, effects_in
-from draglag.gap.fitting.parameters import parameters_of, where_of
+from draglag.gap.fitting.parameters import where_of
 from draglag.gap.fitting.signatures import COLUMNS
 from draglag.gap.posterior.answer import answer_of
 from draglag.gap.posterior.judge import Judgement
+from draglag.gap.posterior.misfit import parameters_with_misfit
 from draglag.gap.posterior.pool import Pool, compared
 from draglag.gap.results import GapReport, Step
 from draglag.gap.steps import deviance_gained
@@ -58,7 +59,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     changed = shrinkage(_gap(session, before, old.pool), _gap(session, fit, pool))
     step = _step(effect, before, fit, pool, changed)
     left = _left(report, fit, old.pool.unsure_ages, changed)
-    settled = [replace(s, parameters=parameters_of(s.effect, fit) or s.parameters) for s in report.steps]
+    settled = [replace(s, parameters=parameters_with_misfit(s.effect, fit) or s.parameters) for s in report.steps]
     verdict = "unexplained" if left else "explained"
     if not left and report.verdict == "no_gap" and changed.verdict != "shrinks":
         verdict = "no_gap"
@@ -92,7 +93,7 @@ def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) ->
     low, high = changed.change_ci95_mm
     return Step(
         effect,
-        parameters_of(effect, fit),
+        parameters_with_misfit(effect, fit),
         where_of(effect, fit),
         effect_class(effect).follows,
         float(chdtrc(max(fit.design.shape[1] - before.design.shape[1], 1), max(deviance_gained(before, fit), 0.0))),

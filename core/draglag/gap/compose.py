@@ -14,11 +14,11 @@ from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks, squares_by_ru
 from draglag.gap.fitting.joint import Fit, effects_in, fit_session
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.fitting.model import Geometry, LawParameters
-from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.signatures import COLUMNS
 from draglag.gap.fitting.state import Term
 from draglag.gap.posterior.answer import answer_of
 from draglag.gap.posterior.judge import grown, judged
+from draglag.gap.posterior.misfit import parameters_with_misfit
 from draglag.gap.posterior.pool import Pool, compared
 from draglag.gap.replaying.realised import made
 from draglag.gap.results import Step
@@ -96,7 +96,9 @@ class Model:
         """Effect → parameter → (value, 95 % interval), fitted effects only."""
         if self.fit is None:
             return {}
-        return {effect: parameters_of(effect, self.fit) for effect in self.effects if not shown_by_streams(effect)}
+        return {
+            effect: parameters_with_misfit(effect, self.fit) for effect in self.effects if not shown_by_streams(effect)
+        }
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,11 @@ TOLERANCE_MM = 0.02
 Judgement: 0.4 of the size of interest.
 """
 
+MISFIT_MM = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02)
+"""mm RMS. Scales of the tolerated shapes that the interval of an effect's size allows for, all alike probable. Derived:
+from none to ``TOLERANCE_MM`` in steps of a factor of two.
+"""
+
 SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
 """mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: from twice the size of interest to
 the most that a usable screen shows.

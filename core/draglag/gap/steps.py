@@ -16,6 +16,7 @@ from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
 from draglag.gap.fitting.parameters import parameters_of, where_of
 from draglag.gap.posterior.answer import Answer, answer_of
 from draglag.gap.posterior.judge import Judgement, grown
+from draglag.gap.posterior.misfit import parameters_with_misfit
 from draglag.gap.posterior.pool import Names
 from draglag.gap.posterior.search import log_evidence
 from draglag.gap.proposing.proposals import shown_by_traces
@@ -189,7 +190,7 @@ def step_of(
     added = max(after.design.shape[1] - before.design.shape[1], 1)
     return Step(
         effect,
-        parameters_of(effect, last),
+        parameters_with_misfit(effect, last),
         where_of(effect, last),
         effect_class(effect).follows,
         float(chdtrc(added, max(gained, 0.0))),

@@ -8,12 +8,13 @@ from draglag.gap.fitting.jackknife import jackknife_sd
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import base_prior
 from draglag.gap.fitting.state import Term
+from draglag.recording import FloatArray
 from draglag.simulation.effects import column_of, effect_class
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters
 
 
-def parameters_of(effect: str, fit: Fit) -> Parameters:
-    """Parameters of an effect; empty if the fit has none."""
+def parameters_of(effect: str, fit: Fit, misfit_sd: FloatArray | None = None) -> Parameters:
+    """Parameters of an effect; empty if the fit has none. misfit_sd: (p,) of linear parameters, by misfit and noise."""
     home = effect_class(effect)
     if home.of_the_law:
         return home.law_parameters(fit)
@@ -22,7 +23,7 @@ def parameters_of(effect: str, fit: Fit) -> Parameters:
     for term in fit.terms:
         k = len(term.sizes)
         if term.effect == term_id:
-            return home.parameters_in(_fitted(term, fit, slice(at, at + k)))
+            return home.parameters_in(_fitted(term, fit, slice(at, at + k), misfit_sd))
         at += k
     return {}
 
@@ -39,8 +40,9 @@ def whole_size_mm(fit: Fit, effect: str) -> float | None:
     return None
 
 
-def _fitted(term: Term, fit: Fit, own: slice) -> FittedTerm:
+def _fitted(term: Term, fit: Fit, own: slice, misfit_sd: FloatArray | None) -> FittedTerm:
     se = np.maximum(np.sqrt(np.maximum(np.diag(fit.covariance)[own], 0)), jackknife_sd(fit)[own])
+    se = se if misfit_sd is None else np.maximum(se, misfit_sd[own])
     return FittedTerm(fit, term, own, effect_class(term.effect).whole_sizes(term, fit), se)
 
 

@@ -95,7 +95,7 @@ def linearised(
     listed = {member.name for member in possible}  # at every setting, with its share of the prior
     members = (*(member for member in _own(fit) if member.name not in listed), *possible)
     base, prior, residual, law = _without_members(fit)
-    tolerance = _tolerance(fit, members)
+    tolerance = tolerance_of(fit, members)
     precision = np.maximum(np.concatenate([prior, np.ones(tolerance.shape[1])]), LEAST_PRECISION)
     whole = Whole(fit, members, residual, np.column_stack([base, tolerance]), precision, parts, unsure_ages, law)
     return _restricted(whole, edges)
@@ -151,7 +151,7 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawP
     return base, np.append(base_prior(nearest)[: len(nearest.step_sd)], prior[of_law:]), residual, nearest
 
 
-def _tolerance(fit: Fit, members: Sequence[Member]) -> FloatArray:
+def tolerance_of(fit: Fit, members: Sequence[Member]) -> FloatArray:
     """Leading directions (m, k) of misfit too small to matter, of unit prior variance."""
     blocks = [(of_unit_rms(c), constants.TOLERANCE_MM) for c in smooth_columns(fit).values()]
     by_name: dict[str, list[Member]] = {}

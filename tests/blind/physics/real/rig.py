@@ -66,6 +66,13 @@ def draw_real_rig(seed: int, profile: Profile) -> Rig:
     )
 
 
+def own_sizes(rig: Rig) -> dict[str, float]:
+    """What a sound rig has of the kinds of effects by itself: it adds to what is hidden."""
+    if rig.sensor is None:
+        return {}
+    return {"beam_width": rig.disc_mm + rig.sensor.widens_mm - rig.diameter_mm, "beam_bow": rig.beam_bow_mm}
+
+
 def _law(seed: int, profile: Profile) -> Law:
     rng = stream(seed, "law")
     if profile.law_form == "transport":

@@ -1,0 +1,57 @@
+"""What misfit too small to matter leaves open of the parameters of a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from draglag.gap import constants
+from draglag.gap.fitting.joint import Fit, effects_in
+from draglag.gap.fitting.noise import scatter
+from draglag.gap.fitting.parameters import parameters_of
+from draglag.gap.posterior.linear import LEAST_PRECISION, tolerance_of
+from draglag.gap.posterior.members import members_of
+from draglag.recording import FloatArray
+from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects.in_fits import Parameters
+
+
+def parameters_with_misfit(effect: str, fit: Fit) -> Parameters:
+    """Parameters of an effect, with intervals that hold what tolerated misfit makes of them."""
+    return parameters_of(effect, fit, misfit_sd(fit))
+
+
+def misfit_sd(fit: Fit) -> FloatArray:
+    """Standard deviation of each linear parameter about its fitted value, (p,), if tolerated shapes may be there.
+
+    Their scale is not known: each of ``MISFIT_MM`` counts by its evidence (Rasmussen & Williams 2006, section 5.4).
+    """
+    own = {*effects_in(fit), *(term.effect for term in fit.terms)}
+    parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
+    others = [member for member in members_of(fit, parts, frozenset(EFFECTS)) if member.name not in own]
+    tolerance = tolerance_of(fit, others) / constants.TOLERANCE_MM
+    white = fit.white.apply(np.column_stack([fit.design, tolerance, fit.residual_mm]))
+    gram, moment = white[:, :-1].T @ white[:, :-1], white[:, :-1].T @ white[:, -1]
+    prior = np.maximum(fit.prior, LEAST_PRECISION)
+    found = [_posterior(gram, moment, prior, scale_mm) for scale_mm in constants.MISFIT_MM]
+    evidence = np.array([value for value, _, _ in found])
+    weight = np.exp(evidence - evidence.max())
+    fitted = found[0][1]
+    square = np.array([variance + (mean - fitted) ** 2 for _, mean, variance in found])
+    return np.asarray(np.sqrt(weight @ square / weight.sum()))
+
+
+def _posterior(
+    gram: FloatArray, moment: FloatArray, prior: FloatArray, scale_mm: float
+) -> tuple[float, FloatArray, FloatArray]:
+    """Log evidence, and mean and variance (p,) of the parameters, with shapes of that scale; without any if 0."""
+    p = prior.size
+    n = moment.size if scale_mm else p
+    precision = np.append(prior, np.full(n - p, 1 / max(scale_mm, 1e-9) ** 2))
+    information = gram[:n, :n] + np.diag(precision)
+    unit = 1 / np.sqrt(np.diag(information))
+    root = cho_factor(information * unit[:, None] * unit, lower=True)
+    mean = unit * cho_solve(root, unit * moment[:n])
+    variance = unit**2 * np.diag(cho_solve(root, np.eye(n)))
+    evidence = 0.5 * float(moment[:n] @ mean + np.log(precision).sum()) + float(np.log(unit).sum())
+    return evidence - float(np.log(np.diag(root[0])).sum()), mean[:p], variance[:p]
