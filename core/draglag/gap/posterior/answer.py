@@ -18,6 +18,7 @@ from draglag.simulation.effects.in_fits import Z95
 SCATTER = "scatter"
 WORTH_ITS_SIZE = 0.01  # of probability: below it an explanation counts as it stands, whatever its members' sizes
 REPORTED = 0.95  # of the mass
+NOTHING = 0.5  # of the mass: with less, something is there, whichever of those that share the rest
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Answer:
 
 
 def answer_of(pool: Pool) -> Answer:
-    """The most probable explanation, and those that share the mass."""
+    """The most probable explanation, nothing only if it is more probable than not, and those that share the mass."""
     sets: dict[Names, float] = {}
     leading: dict[Names, Names] = {}
     for names, p in pool.probabilities().items():
@@ -53,6 +54,8 @@ def answer_of(pool: Pool) -> Answer:
         leading.setdefault(("unexplained",), pool.best)
     ranked = sorted(sets.items(), key=lambda item: -item[1])
     best, p = ranked[0]
+    if not best and p < NOTHING and len(ranked) > 1:
+        best, p = ranked[1]
     names = leading[best]
     by = None
     if best == ("unexplained",):
