@@ -10,6 +10,7 @@ from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term
+from draglag.gap.posterior import linear, misfit
 from draglag.gap.posterior.misfit import misfit_sd, parameters_with_misfit
 from draglag.gap.traces.run_data import gather
 from draglag.simulation import simulate_session
@@ -18,22 +19,22 @@ from draglag.simulation.effects import parse_effect
 DELAY_S = 0.0018
 
 
-def fit_of_hysteresis(*others: str) -> Fit:
-    """Fit of a session with a late return of the light, and of nothing else that it has."""
-    effects = [parse_effect(text) for text in (f"laser_hysteresis={DELAY_S}", *others)]
+def fit_of_first(*hidden: str) -> Fit:
+    """Fit of a session with several effects, of the first of them."""
+    effects = [parse_effect(text) for text in hidden]
     session = simulate_session("screen-1", sound_sessions.brief_protocol(), effects=effects, seed=5)
-    return fit_session(session, gather(session), [Term("laser_hysteresis")])
+    return fit_session(session, gather(session), [Term(effects[0].id)])
 
 
 @pytest.fixture(scope="module")
 def alone() -> Fit:
-    return fit_of_hysteresis()
+    return fit_of_first(f"laser_hysteresis={DELAY_S}")
 
 
 @pytest.fixture(scope="module")
 def in_a_wide_beam() -> Fit:
     """A shadow wider by 0.06 mm moves edges by 0.03 mm RMS: it has no name, and takes from the hysteresis."""
-    return fit_of_hysteresis("beam_width=0.06")
+    return fit_of_first(f"laser_hysteresis={DELAY_S}", "beam_width=0.06")
 
 
 def test_an_interval_holds_what_a_tolerated_effect_does_to_a_size(in_a_wide_beam: Fit) -> None:
@@ -56,3 +57,14 @@ def test_where_the_edges_show_no_misfit_intervals_stay(alone: Fit) -> None:
 def test_without_any_scale_the_deviation_is_the_fits_own(alone: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constants, "MISFIT_MM", (0.0,))
     np.testing.assert_allclose(misfit_sd(alone), np.sqrt(np.diag(alone.covariance)), rtol=1e-3)
+
+
+def test_an_effect_is_no_misfit_of_its_own(alone: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
+    tolerated = []
+    monkeypatch.setattr(
+        misfit, "tolerance_of", lambda fit, members: tolerated.extend(members) or linear.tolerance_of(fit, members)
+    )
+    misfit_sd(alone)
+    names = {member.name for member in tolerated}
+    assert "beam_width" in names
+    assert "laser_hysteresis" not in names
