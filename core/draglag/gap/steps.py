@@ -180,8 +180,9 @@ def step_of(
     creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike), p_any_form)
     effect = creep.best if len(alike) > 1 else alike[0]
     rivals = [e for e in alike if e != effect and creep.shares[e] > SHARED]
-    rivals += _rivals(answer, name)
-    p = min(judgement.pool.probability_of(name), STATED_AT_MOST)
+    instead = _rivals(answer, name)
+    rivals += instead
+    p = min(judgement.pool.probability_of(name, *instead), STATED_AT_MOST)
     p *= sum(creep.shares[e] for e in alike if e == effect or e in rivals)  # of all that the step names
     gained = deviance_gained(before, after)
     evidence = f"deviance falls by {gained:.0f}"

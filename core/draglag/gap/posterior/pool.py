@@ -66,9 +66,9 @@ class Pool:
         each = {names: float(np.exp(f.log_mass - total)) for names, f in self.found.items()}
         return dict(sorted(each.items(), key=lambda item: -item[1]))
 
-    def probability_of(self, name: str) -> float:
-        """Probability that a name is in the explanation."""
-        return sum(p for names, p in self.probabilities().items() if name in names)
+    def probability_of(self, *any_of: str) -> float:
+        """Probability that a name is in the explanation; of several, any of them."""
+        return sum(p for names, p in self.probabilities().items() if not set(any_of).isdisjoint(names))
 
     def alone(self, name: str) -> float:
         """Log mass of one name alone; −∞ if not compared."""
