@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,3 +70,15 @@ def test_an_effect_is_no_misfit_of_its_own(alone: Fit, monkeypatch: pytest.Monke
     names = {member.name for member in tolerated}
     assert "beam_width" in names
     assert "laser_hysteresis" not in names
+
+
+def test_columns_that_are_alike_leave_the_others_known(alone: Fit) -> None:
+    twice = replace(
+        alone,
+        terms=(*alone.terms, *alone.terms),
+        design=np.column_stack([alone.design, alone.design[:, -1:]]),
+        prior=np.append(alone.prior, alone.prior[-1:]),
+    )
+    both, one = misfit_sd(twice), misfit_sd(alone)
+    np.testing.assert_allclose(both[: one.size - 1], one[:-1], rtol=0.05)
+    assert both[-1] > 100 * one[-1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, effects_in
@@ -50,8 +49,10 @@ def _posterior(
     precision = np.append(prior, np.full(n - p, 1 / max(scale_mm, 1e-9) ** 2))
     information = gram[:n, :n] + np.diag(precision)
     unit = 1 / np.sqrt(np.diag(information))
-    root = cho_factor(information * unit[:, None] * unit, lower=True)
-    mean = unit * cho_solve(root, unit * moment[:n])
-    variance = unit**2 * np.diag(cho_solve(root, np.eye(n)))
-    evidence = 0.5 * float(moment[:n] @ mean + np.log(precision).sum()) + float(np.log(unit).sum())
-    return evidence - float(np.log(np.diag(root[0])).sum()), mean[:p], variance[:p]
+    value, vector = np.linalg.eigh(information * unit[:, None] * unit)
+    value = np.maximum(value, n * np.finfo(float).eps * value[-1])  # columns may be alike in a short session
+    along = vector.T @ (unit * moment[:n])
+    mean = unit * (vector @ (along / value))
+    variance = unit**2 * np.sum(vector**2 / value, axis=1)
+    evidence = 0.5 * float(along**2 @ (1 / value) + np.log(precision).sum() - np.log(value).sum())
+    return evidence + float(np.log(unit).sum()), mean[:p], variance[:p]
