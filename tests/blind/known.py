@@ -14,7 +14,7 @@ from .physics.session import Truth
 class Known:
     """The truth that a judgement needs. `size`: of the least visible effect, in just-detectable sizes (plain world) or
     sizes of interest (realistic world); None where the streams show it. `together`: all effects at once. `own`: what
-    the rig has of an effect's kind by itself, which nobody can tell from what is hidden."""
+    the rig has of an effect's kind by itself, which no session separates from what is hidden."""
 
     effects: dict[str, float]
     taps_before: int = 0

@@ -18,7 +18,7 @@ Judgement: 0.4 of the size of interest.
 
 MISFIT_MM = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02)
 """mm RMS. Scales of the tolerated shapes that the interval of an effect's size allows for, all alike probable. Derived:
-from none to ``TOLERANCE_MM`` in steps of a factor of two.
+none, and up to ``TOLERANCE_MM`` in steps of a factor of about two, finer than a session knows its scale.
 """
 
 SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
@@ -32,8 +32,10 @@ P_EFFECT = 0.02
 P_LAW_FORM = 0.2
 """Prior probability that the curve is not Eq. 5. Judgement: one screen in five."""
 
-OWN_FORM = 0.5
-"""Probability from which on the curve is not Eq. 5, and fits have its own form. Derived: more probable than not."""
+PROBABLE = 0.5
+"""Probability from which on the curve is not Eq. 5, and fits have its own form; below which it is not that nothing is
+there, whichever of others share the rest. Derived: more probable than not.
+"""
 
 P_FALLING = 0.5
 """Prior probability that a smooth form of the curve falls with speed all along. Derived: the order of magnitude, which

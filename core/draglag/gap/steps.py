@@ -9,7 +9,7 @@ from scipy.special import chdtrc
 
 from draglag.errors import EstimateError
 from draglag.gap.by_taps import creep_of
-from draglag.gap.constants import OWN_FORM, SHARED, STATED_AT_MOST
+from draglag.gap.constants import PROBABLE, SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
@@ -136,7 +136,7 @@ def _that_explain(chain: list[Link], edges: np.ndarray) -> list[Link]:
 def law_of(judgement: Judgement, fit: Fit) -> LawStatement:
     """Statement on the curve's form."""
     p = judgement.pool.probability_of(LAW_FORM)
-    return LawStatement(p < OWN_FORM, p, remainder_rms_s(fit.law, fit.view.speed))
+    return LawStatement(p < PROBABLE, p, remainder_rms_s(fit.law, fit.view.speed))
 
 
 def fits_in_order(session: Session, judgement: Judgement, effects: Names) -> list[Link]:

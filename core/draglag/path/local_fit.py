@@ -32,16 +32,12 @@ class Windows:
     roundness: int
 
     @cached_property
-    def _whole(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        return self._made(slice(None))
+    def whole(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        """``part`` of all windows."""
+        return self.part(slice(None))
 
     def part(self, part: slice) -> tuple[IntArray, FloatArray, FloatArray]:
         """Events, times u from the middle in half widths, and weights of some windows, (size, q)."""
-        if part.start is None or self.size * self.at_s.size <= IN_CACHE:
-            return self._whole
-        return self._made(part)
-
-    def _made(self, part: slice) -> tuple[IntArray, FloatArray, FloatArray]:
         place = np.arange(self.size)[:, None]
         index = np.minimum(self.first[part] + place, self.t_s.size - 1)
         u = self.t_s.take(index)
@@ -78,7 +74,7 @@ class FitWeights:
     def _of_power(self, power: int) -> FloatArray:
         unit = np.zeros((self.moments.shape[0] // 2 + 1, 1, self.moments.shape[1]))
         unit[power] = 1.0
-        _, u, kernel = self.windows.part(slice(None))
+        _, u, kernel = self.windows.whole
         coefficients = solve_hankel(self.moments, unit)[:, 0]
         out = np.multiply(u, coefficients[-1])
         for coefficient in coefficients[-2:0:-1]:
@@ -164,7 +160,7 @@ def _moments(windows: Windows, xy_mm: FloatArray, degree: int) -> tuple[FloatArr
     x_mm, y_mm = np.ascontiguousarray(xy_mm.T)
     step = max(IN_CACHE // windows.size, 1)
     for part in (slice(begin, begin + step) for begin in range(0, m, step)):
-        index, u, kernel = windows.part(part)
+        index, u, kernel = windows.whole if step >= m else windows.part(part)
         x, y, product, power = x_mm.take(index), y_mm.take(index), np.empty_like(u), kernel.copy()
         for order in range(2 * degree + 1):
             power.sum(0, out=moments[order, part])

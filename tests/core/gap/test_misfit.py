@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from core import sound_sessions
-from draglag.gap import constants
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term
@@ -56,9 +55,8 @@ def test_where_the_edges_show_no_misfit_intervals_stay(alone: Fit) -> None:
     assert value == pytest.approx(DELAY_S, abs=1e-4)
 
 
-def test_without_any_scale_the_deviation_is_the_fits_own(alone: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(constants, "MISFIT_MM", (0.0,))
-    np.testing.assert_allclose(misfit_sd(alone), np.sqrt(np.diag(alone.covariance)), rtol=1e-3)
+def test_without_any_scale_the_deviation_is_the_fits_own(alone: Fit) -> None:
+    np.testing.assert_allclose(misfit_sd(alone, (0.0,)), np.sqrt(np.diag(alone.covariance)), rtol=1e-3)
 
 
 def test_an_effect_is_no_misfit_of_its_own(alone: Fit, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,7 +64,7 @@ def test_an_effect_is_no_misfit_of_its_own(alone: Fit, monkeypatch: pytest.Monke
     monkeypatch.setattr(
         misfit, "tolerance_of", lambda fit, members: tolerated.extend(members) or linear.tolerance_of(fit, members)
     )
-    misfit_sd(alone)
+    misfit_sd(alone, (0.0, 0.005))
     names = {member.name for member in tolerated}
     assert "beam_width" in names
     assert "laser_hysteresis" not in names

@@ -28,7 +28,7 @@ FIXED = 1e9  # precision of a parameter at its bound
 START = Components(tremor_mm_s=1.0, run_mm=0.03)  # weights of a search until it has its own
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """Converged joint fit.
 

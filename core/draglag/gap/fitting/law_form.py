@@ -96,12 +96,11 @@ def nearest_eq5(law: LawParameters, speed_mm_s: FloatArray) -> LawParameters:
 
 
 def _eq5_through(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters:
+    from scipy.optimize import least_squares
 
     def law(p: FloatArray) -> LawParameters:
         a1, a2, a4, a5 = (float(q) for q in np.exp(p[:4]))
         return LawParameters(a1, a2, a4, a5, float(p[4]))
-
-    from scipy.optimize import least_squares
 
     amplitude, rate = np.log([LEAST_AMPLITUDE_S, 1.0]), np.log([1.03 * LEAST_RATE_S_MM, 0.95 * MOST_RATE_S_MM])
     low = np.array([amplitude[0], rate[0], amplitude[0], rate[0], -0.2])

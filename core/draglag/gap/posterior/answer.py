@@ -18,7 +18,6 @@ from draglag.simulation.effects.in_fits import Z95
 SCATTER = "scatter"
 WORTH_ITS_SIZE = 0.01  # of probability: below it an explanation counts as it stands, whatever its members' sizes
 REPORTED = 0.95  # of the mass
-NOTHING = 0.5  # of the mass: with less, something is there, whichever of those that share the rest
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ def answer_of(pool: Pool) -> Answer:
         leading.setdefault(("unexplained",), pool.best)
     ranked = sorted(sets.items(), key=lambda item: -item[1])
     best, p = ranked[0]
-    if not best and p < NOTHING and len(ranked) > 1:
+    if not best and p < constants.PROBABLE and len(ranked) > 1:
         best, p = ranked[1]
     names = leading[best]
     by = None

@@ -113,7 +113,7 @@ def _refuted(fits: dict[Names, Fit], new: Collection[Names]) -> set[tuple[Names,
 
 
 def _has_own_form(pool: Pool) -> bool:
-    return pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > constants.OWN_FORM
+    return pool.probability_of(LAW_FORM) + pool.probability_of(IN_SPEED) > constants.PROBABLE
 
 
 def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from draglag.gap import constants
@@ -20,10 +22,12 @@ def parameters_with_misfit(effect: str, fit: Fit) -> Parameters:
     return parameters_of(effect, fit, misfit_sd(fit))
 
 
-def misfit_sd(fit: Fit) -> FloatArray:
+@lru_cache(maxsize=4)
+def misfit_sd(fit: Fit, scales_mm: tuple[float, ...] = constants.MISFIT_MM) -> FloatArray:
     """Standard deviation of each linear parameter about its fitted value, (p,), if tolerated shapes may be there.
 
-    Their scale is not known: each of ``MISFIT_MM`` counts by its evidence (Rasmussen & Williams 2006, section 5.4).
+    Their scale is not known: each of ``scales_mm``, none first, counts by its evidence (Rasmussen & Williams 2006,
+    section 5.4).
     """
     own = {*effects_in(fit), *(term.effect for term in fit.terms)}
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
@@ -32,7 +36,7 @@ def misfit_sd(fit: Fit) -> FloatArray:
     white = fit.white.apply(np.column_stack([fit.design, tolerance, fit.residual_mm]))
     gram, moment = white[:, :-1].T @ white[:, :-1], white[:, :-1].T @ white[:, -1]
     prior = np.maximum(fit.prior, LEAST_PRECISION)
-    found = [_posterior(gram, moment, prior, scale_mm) for scale_mm in constants.MISFIT_MM]
+    found = [_posterior(gram, moment, prior, scale_mm) for scale_mm in scales_mm]
     evidence = np.array([value for value, _, _ in found])
     weight = np.exp(evidence - evidence.max())
     fitted = found[0][1]
