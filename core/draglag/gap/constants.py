@@ -33,8 +33,8 @@ P_LAW_FORM = 0.2
 """Prior probability that the curve is not Eq. 5. Judgement: one screen in five."""
 
 PROBABLE = 0.5
-"""Probability from which on the curve is not Eq. 5, and fits have its own form; below which it is not that nothing is
-there, whichever of others share the rest. Derived: more probable than not.
+"""Probability from which on it is stated that nothing is there, that the curve is not Eq. 5 (fits have its own form
+then), and a step without the mark of a provisional one. Derived: more probable than not.
 """
 
 P_FALLING = 0.5

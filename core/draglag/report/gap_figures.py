@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from draglag.drawing.style import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, new_figure, plain_log_ticks
+from draglag.gap.constants import PROBABLE
 from draglag.gap.fitting.heldout import noise_variance_mm2
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.law_form import FlexibleLaw, nearest_eq5
 from draglag.gap.provisional import Provisional
-from draglag.gap.results import PROBABLE, GapReport, followed
+from draglag.gap.results import GapReport, followed
 from draglag.report import replayed
 from draglag.simulation.effects import title_of
 

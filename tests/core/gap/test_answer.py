@@ -8,6 +8,7 @@ import pytest
 
 from draglag.gap.posterior import answer
 from draglag.gap.posterior.pool import Names, Pool
+from draglag.gap.wording import also_possible
 
 
 class Compared:
@@ -41,7 +42,9 @@ def test_two_that_take_each_others_place_outweigh_nothing() -> None:
     found = said({(): 0.38, ("beam_bow",): 0.36, ("spatial_warp",): 0.26})
     assert found.effects == ("beam_bow",)
     assert found.probability == 0.36
-    assert found.explanations[0] == ((), 0.38)
+    assert found.explanations == ((("beam_bow",), 0.36), ((), 0.38), (("spatial_warp",), 0.26))
+    # In words the second name stands with the first, and nothing is what may be instead.
+    assert also_possible(found.explanations, [("beam_bow", "spatial_warp")]) == [((), 0.38)]
 
 
 def test_nothing_is_the_answer_where_it_is_more_probable_than_all_else() -> None:

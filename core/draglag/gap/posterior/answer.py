@@ -24,8 +24,8 @@ REPORTED = 0.95  # of the mass
 class Answer:
     """What a pool says before held-out runs and the session simulated again are asked.
 
-    unexplained_by: covariate of what has no name, None without. explanations: ``unexplained`` if unnamed. tolerated:
-    covariate or effect id, probability, size in mm.
+    unexplained_by: covariate of what has no name, None without. explanations: this one first, ``unexplained`` if
+    unnamed. tolerated: covariate or effect id, probability, size in mm.
     """
 
     effects: Names
@@ -52,9 +52,9 @@ def answer_of(pool: Pool) -> Answer:
         sets["unexplained",] = 1 - sum(sets.values())
         leading.setdefault(("unexplained",), pool.best)
     ranked = sorted(sets.items(), key=lambda item: -item[1])
+    if ranked[0][0] == () and ranked[0][1] < constants.PROBABLE and len(ranked) > 1:
+        ranked[:2] = reversed(ranked[:2])
     best, p = ranked[0]
-    if not best and p < constants.PROBABLE and len(ranked) > 1:
-        best, p = ranked[1]
     names = leading[best]
     by = None
     if best == ("unexplained",):

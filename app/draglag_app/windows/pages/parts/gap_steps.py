@@ -12,7 +12,8 @@ from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtGui import QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
-from draglag.gap.results import BY_TAPS, PROBABLE, stated
+from draglag.gap.constants import PROBABLE
+from draglag.gap.results import BY_TAPS, stated
 from draglag.gap.wording import separating_run
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import theme, wide
