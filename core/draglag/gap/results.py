@@ -152,9 +152,9 @@ class Statistic:
 class GapReport:
     """Result of the workflow.
 
-    verdict: explained | no_gap | unexplained, or None with ``missing``. explanations: 95 % of the mass, the report's own
-    first. not_seen: effect → recording that would show it. first, last: fits without and with all steps. stopped_at:
-    limit on effects that ended the search. excluded, flagged: run id → reason, flags of its edges.
+    verdict: explained | no_gap | unexplained, or None with ``missing``. explanations: 95 % of the mass, its own first.
+    not_seen: effect → recording that would show it. first, last: fits without and with all steps. stopped_at: limit on
+    effects that ended the search. excluded, flagged: run id → reason, flags of its edges.
     """
 
     session: str
