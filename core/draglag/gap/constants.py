@@ -94,6 +94,10 @@ HOPELESS = 0.3
 """Share of the nats that a refit would have to gain; with less by its columns it is not made. Calibrated: refits of the
 benchmark's sessions gained up to 2.6 times what columns promised."""
 
+PROMISING = 5.0
+"""nats that an effect's columns or traces gain alone, from which on it is refitted as a rival or next to what has no
+name. Derived: what its name costs, and a nat for its size."""
+
 LEAST_EDGES = 0.85
 """Share of the edges that a refit has to place. Judgement: one that loses more is no rival."""
 

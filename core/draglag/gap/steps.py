@@ -9,7 +9,7 @@ from scipy.special import chdtrc
 
 from draglag.errors import EstimateError
 from draglag.gap.by_taps import creep_of
-from draglag.gap.constants import PROBABLE, SHARED, STATED_AT_MOST
+from draglag.gap.constants import PROBABLE, PROMISING, SHARED, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
@@ -258,7 +258,7 @@ def _unnamed_in_streams(
     """Covariate of what streams or traces show and no allowed effect explains."""
     if strange:
         return effect_class(strange[0].effect).follows
-    shown = (e for e in EFFECTS if e not in allowed and shown_by_traces(base, e))
+    shown = (e for e in EFFECTS if e not in allowed and shown_by_traces(base, e) > PROMISING)
     found = next(shown, None)
     if found is not None:
         return effect_class(found).follows

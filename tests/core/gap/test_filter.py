@@ -9,18 +9,21 @@ import pytest
 
 from core import sound_sessions
 from draglag.gap import close_gap
+from draglag.gap.fitting.joint import fit_session
 from draglag.gap.results import GapReport
-from draglag.gap.traces.run_data import FINE_S, averaged
+from draglag.gap.traces.run_data import FINE_S, averaged, gather
 from draglag.path.events import first_of_contact
 from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
+from draglag.simulation.effects.speed_adaptive_filter import SETTINGS as SETTINGS_TRIED
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     Setting,
     filtered,
     unfiltered,
 )
+from draglag.simulation.effects.speed_adaptive_filter.refits import LEAST_SHARE, shown_share
 
 SETTINGS = [Setting(0.6, 0.01), Setting(1.0, 0.02), Setting(1.5, 0.05)]
 FMIN_HZ, BETA_PER_MM = 1.0, 0.02
@@ -87,6 +90,29 @@ def test_it_is_named_and_sized_and_the_gap_is_that_of_the_session_without_it(rep
     sound_mm = sound_sessions.gap_mm(sound_sessions.report_of_demo())
     assert report.gap_first_mm > 2 * sound_mm
     assert report.gap_last_mm < 1.3 * sound_mm
+
+
+def share_of_columns(*effects: str) -> float:
+    """Of a filter's columns at the setting that shows the most of them, on circles of 15 s."""
+    demo = load_protocol("demo")
+    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind == "circle")
+    protocol = demo.model_copy(update={"runs": runs, "taps": None})
+    session = simulate_session("screen-2", protocol, effects=[parse_effect(e) for e in effects], seed=11)
+    fit = fit_session(session, gather(session))
+    return max(shown_share(fit, setting) for setting in SETTINGS_TRIED)
+
+
+@pytest.mark.parametrize("logs", [(-1.0, -1.0), (0.0, 0.0), (1.0, -1.0), (1.5, 1.5)])
+def test_a_filter_of_any_screen_is_there_as_a_whole(logs: tuple[float, float]) -> None:
+    # Two standard deviations among screens in either direction, and about the quickest that is looked for.
+    setting = Setting(FMIN_HZ, BETA_PER_MM).moved(np.array(logs))
+    effect = f"speed_adaptive_filter={setting.fmin_hz},beta_per_mm={setting.beta_per_mm}"
+    assert share_of_columns(effect) > 2 * LEAST_SHARE
+
+
+@pytest.mark.parametrize("effects", [(), ("beam_width=0.3",), ("spatial_warp=0.3",), ("scan_skew=0.01",)])
+def test_what_is_no_filter_is_not_refitted_as_one(effects: tuple[str, ...]) -> None:
+    assert share_of_columns(*effects) < LEAST_SHARE
 
 
 def test_simulated_again_it_lies_where_it_was_measured(report: GapReport) -> None:

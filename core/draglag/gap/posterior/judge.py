@@ -23,7 +23,6 @@ from draglag.simulation.effects import EFFECTS, column_of, effect_class
 DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
 PROPOSED = 3  # effects that are then refitted
 LEAST_KEPT = 0.5  # of what is undone in traces: its column has put more than the half back (judgement)
-PROMISING = 5.0  # nats that one of those gains alone
 Progress = Callable[[float, str], None]
 
 
@@ -60,16 +59,16 @@ def judged(
     refuted: set[tuple[Names, Names]] = set()
     proposed: set[Names] = set()
     tried: set[tuple[Names, str]] = set()
-    rivals = _rivals(pool, first, allowed)
+    rivals_tried = most_effects == 0
     for k in range(constants.ROUNDS):
         progress((k + 1) / (constants.ROUNDS + 1), "comparing explanations")
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
         if wanted not in fits:
             found = grown(session, fits, pool, wanted, tried)
             barred |= set() if wanted in found else {_unfitted(pool, wanted, fits | found)}
-        elif rivals and most_effects > 0:
-            found = _proposed(session, pool, fits, [n for n in rivals if n not in barred], (inside,), tried)
-            rivals = ()
+        elif not rivals_tried:
+            rivals_tried = True
+            found = _proposed(session, pool, fits, _rivals(pool, first, set(allowed) - barred), (inside,), tried)
         elif wanted in proposed or len(wanted) >= most_effects or not _in_doubt(pool):
             break
         else:
@@ -236,18 +235,18 @@ def _gains(pool: Pool, allowed: Collection[str]) -> dict[str, float]:
     return {name: pool.alone(name) - empty for name in sorted(allowed)}
 
 
-def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> tuple[str, ...]:
-    """Promising effects whose columns change with size, and those that traces show."""
-    gains = _gains(pool, allowed)
-    least = max(PROMISING, constants.HOPELESS * max(gains.values(), default=0.0))
-    changing = [name for name, gain in gains.items() if gain > least and refit_module(name) is not None]
-    return (*changing, *(name for name in gains if name not in changing and shown_by_traces(first, name)))
+def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> list[str]:
+    """Effects whose columns change with size, and that promise to explain alone what the best set explains."""
+    best_nats = pool.found[pool.best].log_mass - pool.found[pool.emptiest].log_mass
+    least = max(constants.PROMISING, constants.HOPELESS * best_nats)
+    gains = {name: gain for name, gain in _gains(pool, allowed).items() if refit_module(name) is not None}
+    return [name for name, gain in gains.items() if gain > least or shown_by_traces(first, name) > least]
 
 
 def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]) -> list[str]:
     """Effects to try, by columns, likeness to the unnamed term, or single edges."""
     gain = _gains(pool, set(allowed) - barred)
-    order = sorted((n for n in gain if gain[n] > PROMISING), key=lambda n: -gain[n])[:PROPOSED]
+    order = sorted((n for n in gain if gain[n] > constants.PROMISING), key=lambda n: -gain[n])[:PROPOSED]
     base = next(iter(fits.values()))
     unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in pool.best if name.startswith(UNNAMED)}
     like = (n for n in gain if unnamed & set(effect_class(n).looks_like) or shown_by_edges(base, n))

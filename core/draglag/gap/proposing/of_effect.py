@@ -8,7 +8,9 @@ from draglag.simulation.effects import effect_class
 
 
 def refit_module(effect: str) -> ModuleType | None:
-    """Module of the effect, if any. Optional functions: ``refits(session, before, theta)``,
-    ``shown_by_traces(before)``, ``shown_by_edges(before)``, ``possible_in(before)``, ``open_mm(placed, term)``."""
+    """Module of the effect, if any.
+
+    Optional functions: ``refits(session, before, theta)``, ``shown_by_traces(before)`` (nats),
+    ``shown_by_edges(before)``, ``possible_in(before)``, ``open_mm(placed, term)``."""
     home = effect_class(effect)
     return home.own_module() if home.refitted_by else None

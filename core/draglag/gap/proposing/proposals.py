@@ -18,10 +18,10 @@ def refits_with(session: Session, before: Fit, effect: str, theta: tuple[float, 
     return [] if fit is None else [fit]
 
 
-def shown_by_traces(before: Fit, effect: str) -> bool:
-    """Whether touch events show the effect."""
+def shown_by_traces(before: Fit, effect: str) -> float:
+    """Nats by which touch events show the effect, whatever its columns promise."""
     own = refit_module(effect)
-    return own is not None and hasattr(own, "shown_by_traces") and bool(own.shown_by_traces(before))
+    return float(own.shown_by_traces(before)) if own is not None and hasattr(own, "shown_by_traces") else 0.0
 
 
 def possible_in(before: Fit, effect: str) -> bool:

@@ -18,7 +18,6 @@ from draglag.simulation.effects.lagging_law import LATEST_OF_SOUND_S, LaggingLaw
 from draglag.simulation.law import USUAL_LATENCY_S
 
 USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, 0.6 * LATEST_OF_SOUND_S), (0.0, LATEST_OF_SOUND_S))
-MIN_DEVIANCE = 10.0  # deviance: 5 nats, what a promising effect gains alone
 LONGEST_S = 0.3
 DELAYS_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
 OTHER: tuple[SpeedDelay, ...] = (
@@ -33,10 +32,11 @@ KEPT = 0.9  # of the edges of steady runs, that a delay has to place
 ROUNDS = 2
 
 
-def shown_by_traces(before: Fit) -> bool:
-    """Whether another delay fits better than those of sound panels."""
+def shown_by_traces(before: Fit) -> float:
+    """Nats by which another delay fits better than those of sound panels."""
     found = delay_profile(before, [*USUAL, *FEW])
-    return bool(np.max(found[len(USUAL) :]) - np.max(found[: len(USUAL)]) > MIN_DEVIANCE)
+    other, sound = np.max(found[len(USUAL) :]), np.max(found[: len(USUAL)])
+    return 0.5 * float(other - sound) if np.isfinite(sound) else 0.0
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:

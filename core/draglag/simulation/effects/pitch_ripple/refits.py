@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
@@ -26,7 +28,7 @@ def possible_in(before: Fit) -> bool:
     return lattice_in(as_shown(before.runs)) is not None
 
 
-def shown_by_traces(before: Fit) -> bool:
-    """Whether touch events show a ripple of a size of interest."""
+def shown_by_traces(before: Fit) -> float:
+    """∞ nats if touch events, by their thousands, show a ripple of a size of interest, else 0."""
     lattice = lattice_in(as_shown(before.runs))
-    return lattice is not None and float(abs(lattice.sizes_mm).max()) > LEAST_MM
+    return np.inf if lattice is not None and float(abs(lattice.sizes_mm).max()) > LEAST_MM else 0.0

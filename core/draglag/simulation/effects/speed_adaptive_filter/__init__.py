@@ -82,12 +82,13 @@ class SpeedAdaptiveFilter(Effect):
 
     @classmethod
     def signatures(cls, view: View, gains: LineGains | None = None) -> list[Signature]:
-        """Smoothed speed and shrunk path, to second order in the delay."""
-        each = []
-        for setting in SETTINGS:
-            delay_s, _ = _delays_s(view, setting)
-            each.append(bent(view, 0.5 * delay_s**2, delay_s, setting))
-        return each
+        return [cls.signature_of(setting, view) for setting in SETTINGS]
+
+    @classmethod
+    def signature_of(cls, setting: Setting, view: View) -> Signature:
+        """Smoothed speed and shrunk path of traces with the filter, to second order in its delay."""
+        delay_s, _ = _delays_s(view, setting)
+        return bent(view, 0.5 * delay_s**2, delay_s, setting)
 
     @classmethod
     def signature_at(cls, theta: Theta, view: View) -> Signature:

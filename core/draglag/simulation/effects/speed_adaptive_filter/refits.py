@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.fitting.joint import Fit, gained_nats
+from draglag.gap.fitting.joint import Fit, gained_nats, sizes_by_one_step
 from draglag.gap.fitting.model import LawParameters, starting_law
-from draglag.gap.fitting.state import Term
+from draglag.gap.fitting.state import Term, term_signature
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.run_data import as_shown
 from draglag.path.events import first_of_contact
@@ -27,24 +27,20 @@ ROUNDS = 4  # after the first refits
 LONGEST_STEP = 0.7  # of a logarithm in one round, a factor of two: further, first order says nothing
 BEYOND_SCREENS = 3.5  # standard deviations among screens: one in two thousand would have such a filter
 BACK = 0.3  # of a step that went too far
+LEAST_SHARE = 0.1  # of a filter's columns: it is there as a whole; the quickest moves edges a tenth as far as theirs
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Refit of traces freed of the likeliest filter, if likelier than without.
-
-    Begun at ``theta``; pursued from the usual filter if that is likelier.
-    """
-    best = _at(session, before, Setting(*theta[:2]) if theta else USUAL)
+    """Refit of traces freed of the likeliest filter, if likelier than without. Begun at the usual one."""
+    if shown_share(before, Setting(*theta[:2]) if theta else USUAL) < LEAST_SHARE:
+        return []
+    best = _at(session, before, USUAL)
     if best is None:
         return []
     step, unsure, gain = likelier(best)
-    for k in range(ROUNDS):
+    for _ in range(ROUNDS):
         if gained_nats(before, best) + gain < 0:
             return []  # not even to first order does it come up to a fit without a filter
-        usual = _at(session, before, USUAL) if k == 0 and theta else None
-        if usual is not None and gained_nats(best, usual) > 0:
-            best = usual
-            step, unsure, gain = likelier(best)
         there = _setting(best).moved(np.clip(step, -LONGEST_STEP, LONGEST_STEP))
         if np.max(np.abs(there.logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD:
             return []
@@ -60,6 +56,12 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         return []
     setting = _setting(best)._replace(sd_log_fmin=float(unsure[0]), sd_log_beta=float(unsure[1]))
     return [replace(best, terms=tuple(replace(t, theta=setting) if t.effect == OWN else t for t in best.terms))]
+
+
+def shown_share(before: Fit, setting: Setting) -> float:
+    """Share of a filter's columns that edges show, by one linear step next to the fit's terms: 1 where it is there."""
+    signatures = [term_signature(term, before.view) for term in before.terms]
+    return float(sizes_by_one_step(before, [*signatures, SpeedAdaptiveFilter.signature_of(setting, before.view)])[-1])
 
 
 def _at(session: Session, before: Fit, setting: Setting, law: LawParameters | None = None) -> Fit | None:
