@@ -110,6 +110,11 @@ def test_a_filter_of_any_screen_is_there_as_a_whole(logs: tuple[float, float]) -
     assert share_of_columns(effect) > 2 * LEAST_SHARE
 
 
+def test_a_filter_is_seen_next_to_a_stronger_effect_that_is_not_fitted() -> None:
+    effect = f"speed_adaptive_filter={FMIN_HZ},beta_per_mm={BETA_PER_MM}"
+    assert share_of_columns(effect, "direction_asymmetry=0.006") > 2 * LEAST_SHARE
+
+
 @pytest.mark.parametrize("effects", [(), ("beam_width=0.3",), ("spatial_warp=0.3",), ("scan_skew=0.01",)])
 def test_what_is_no_filter_is_not_refitted_as_one(effects: tuple[str, ...]) -> None:
     assert share_of_columns(*effects) < LEAST_SHARE

@@ -13,7 +13,7 @@ from core import sound_sessions
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
-from draglag.gap.constants import GIVEN_UP
+from draglag.gap.constants import GIVEN_UP, PROMISING
 from draglag.gap.fitting import joint
 from draglag.gap.fitting.heldout import gap_mm
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
@@ -24,6 +24,7 @@ from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term, linearise
 from draglag.gap.fitting.whitening import whitener
 from draglag.gap.proposing.plain import refit
+from draglag.gap.proposing.proposals import refits_with, shown_by_traces
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session, TouchTrace
@@ -195,3 +196,11 @@ def test_a_refit_is_no_less_likely_than_the_fit_without_its_effect(
     assert again is not None
     # Weights are those of either fit: the same edges may count a few nats more or less.
     assert gained_nats(fit, again) > -GIVEN_UP
+
+
+@pytest.mark.parametrize("also", [(), ("lagging_law=0.1",)])
+def test_traces_show_a_lagging_law_next_to_what_explains_more(also: tuple[str, ...]) -> None:
+    session = simulated("scan_skew=0.01", *also)
+    first = fit_session(session, gather(session))
+    (skewed,) = refits_with(session, first, "scan_skew", ())
+    assert (shown_by_traces(skewed, "lagging_law") > PROMISING) is bool(also)

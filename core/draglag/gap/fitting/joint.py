@@ -22,7 +22,7 @@ from draglag.gap.traces.run_data import RunData, undone
 from draglag.messages import message
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS, effect_class
-from draglag.simulation.residual import Averaged, Signature, View
+from draglag.simulation.residual import Averaged, View
 
 FIXED = 1e9  # precision of a parameter at its bound
 START = Components(tremor_mm_s=1.0, run_mm=0.03)  # weights of a search until it has its own
@@ -222,7 +222,14 @@ def gained_nats(before: Fit, after: Fit) -> float:
 def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tuple[float, ...]]]:
     """Mean latency added to each run, (runs,), and sizes, by one linear step."""
     signatures = [term_signature(t, start.view) for t in terms]
-    sizes = sizes_by_one_step(start, signatures)
+    new = np.column_stack([s.columns(start.view) for s in signatures])
+    n_base = base_prior(start.law).size
+    design = np.column_stack([start.design[:, :n_base], new])
+    # The tightest scatter between runs: what the terms are to explain must not count as noise here.
+    white = whitener(scatter(start.runs, start.placed, start.use, start.blur_mm), start.noises[0])
+    a, b = white.apply(design), white.apply(start.residual_mm)
+    prior = np.concatenate([start.prior[:n_base], np.full(new.shape[1], 1e-12)])
+    sizes = (np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True) @ (a.T @ b))[n_base:]
     out = np.zeros(len(start.runs))
     each, at = [], 0
     for s in signatures:
@@ -235,18 +242,6 @@ def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tu
                 out[r] += float(added[own].mean()) if own.any() else 0.0
         at += k
     return out, each
-
-
-def sizes_by_one_step(start: Fit, signatures: Sequence[Signature]) -> FloatArray:
-    """Sizes of columns in place of the terms of a fit, (q,), by one linear step."""
-    new = np.column_stack([s.columns(start.view) for s in signatures])
-    n_base = base_prior(start.law).size
-    design = np.column_stack([start.design[:, :n_base], new])
-    # The tightest scatter between runs: what the terms are to explain must not count as noise here.
-    white = whitener(scatter(start.runs, start.placed, start.use, start.blur_mm), start.noises[0])
-    a, b = white.apply(design), white.apply(start.residual_mm)
-    prior = np.concatenate([start.prior[:n_base], np.full(new.shape[1], 1e-12)])
-    return np.asarray((np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True) @ (a.T @ b))[n_base:])
 
 
 def latency_of_terms(fit: Fit) -> FloatArray:

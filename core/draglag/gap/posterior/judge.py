@@ -47,28 +47,51 @@ def judged(
     most_effects: int = constants.MOST_MEMBERS,
     progress: Progress = lambda fraction, text: None,
 ) -> Judgement:
-    """Posterior over explanations, from a first fit."""
-    inside = effects_in(first)
-    fits: dict[Names, Fit] = {inside: first}
+    """Posterior over explanations, from a first fit; from one with the curve's own form if that is more probable than
+    not in the beginning and in the end."""
     compare = partial(compared, allowed=allowed, unsure_ages=unsure_ages, most=most_effects)
+    explore = partial(_explored, session, allowed=frozenset(allowed), most_effects=most_effects, compare=compare)
     pool = compare([first])
-    if not inside and _has_own_form(pool):
-        fits = {inside: with_own_form(session, first)}
+    if effects_in(first) or not _has_own_form(pool):
+        return explore({effects_in(first): first}, pool, progress=progress)
+    own = with_own_form(session, first)
+    fits: dict[Names, Fit] = {(): first}
+    if own is not first:
+        found = explore({(): own}, compare([own]), progress=lambda part, text: progress(0.5 * part, text))
+        if _has_own_form(found.pool):
+            return found
+        fits |= grown(session, fits, found.pool, _effects_of(found.pool.best))
         pool = compare(list(fits.values()))
+    return explore(fits, pool, progress=lambda part, text: progress(0.5 + 0.5 * part, text))
+
+
+def _explored(
+    session: Session,
+    fits: dict[Names, Fit],
+    pool: Pool,
+    allowed: frozenset[str],
+    most_effects: int,
+    compare: Callable[..., Pool],
+    progress: Progress,
+) -> Judgement:
+    """Search from fits, the smallest first: refits of what is probable, compared until the most probable set stays."""
+    inside = next(iter(fits))
     barred: set[str] = set()
     refuted: set[tuple[Names, Names]] = set()
     proposed: set[Names] = set()
     tried: set[tuple[Names, str]] = set()
-    rivals_tried = most_effects == 0
+    asked: set[Names] = set()
     for k in range(constants.ROUNDS):
         progress((k + 1) / (constants.ROUNDS + 1), "comparing explanations")
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
+        left = allowed - barred
         if wanted not in fits:
             found = grown(session, fits, pool, wanted, tried)
             barred |= set() if wanted in found else {_unfitted(pool, wanted, fits | found)}
-        elif not rivals_tried:
-            rivals_tried = True
-            found = _proposed(session, pool, fits, _rivals(pool, first, set(allowed) - barred), (inside,), tried)
+        elif most_effects > 0 and wanted not in asked:
+            asked.add(wanted)
+            found = _proposed(session, pool, fits, _rivals(pool, left), (inside,), tried)
+            found |= _proposed(session, pool, fits, _shown(fits[wanted], left - set(wanted)), (wanted, inside), tried)
         elif wanted in proposed or len(wanted) >= most_effects or not _in_doubt(pool):
             break
         else:
@@ -76,18 +99,13 @@ def judged(
             found = {}
             for names in dict.fromkeys((wanted, *_probable(pool))):
                 found |= _with_one_less(session, pool, fits | found, names, tried) if names in fits else {}
-            found |= _proposed(session, pool, fits, _promising(pool, fits, allowed, barred), (wanted, inside), tried)
+            found |= _proposed(session, pool, fits, _promising(pool, fits, left), (wanted, inside), tried)
             if not found:
                 break
         fits |= found
         refuted = {(names, fewer) for names, fewer in refuted if names not in found} | _refuted(fits, found)
         pool = compare(list(fits.values()), without=barred, before=pool, refuted=refuted)
-    pool = _on_all_edges(fits, pool, partial(compare, without=barred, refuted=refuted))
-    if fits[inside] is not first and not _has_own_form(pool):
-        fits = {inside: first}
-        fits |= grown(session, fits, pool, _effects_of(pool.best))
-        pool = compare(list(fits.values()), without=barred, before=pool, refuted=refuted)
-    return Judgement(pool, fits)
+    return Judgement(_on_all_edges(fits, pool, partial(compare, without=barred, refuted=refuted)), fits)
 
 
 def _on_all_edges(fits: dict[Names, Fit], pool: Pool, compare: Callable[..., Pool]) -> Pool:
@@ -235,17 +253,21 @@ def _gains(pool: Pool, allowed: Collection[str]) -> dict[str, float]:
     return {name: pool.alone(name) - empty for name in sorted(allowed)}
 
 
-def _rivals(pool: Pool, first: Fit, allowed: Collection[str]) -> list[str]:
+def _rivals(pool: Pool, allowed: Collection[str]) -> list[str]:
     """Effects whose columns change with size, and that promise to explain alone what the best set explains."""
     best_nats = pool.found[pool.best].log_mass - pool.found[pool.emptiest].log_mass
     least = max(constants.PROMISING, constants.HOPELESS * best_nats)
-    gains = {name: gain for name, gain in _gains(pool, allowed).items() if refit_module(name) is not None}
-    return [name for name, gain in gains.items() if gain > least or shown_by_traces(first, name) > least]
+    return [name for name, gain in _gains(pool, allowed).items() if gain > least and refit_module(name) is not None]
 
 
-def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str], barred: set[str]) -> list[str]:
+def _shown(fit: Fit, allowed: Collection[str]) -> list[str]:
+    """Effects that the events show next to those of a fit, whatever columns promise."""
+    return [name for name in sorted(allowed) if shown_by_traces(fit, name) > constants.PROMISING]
+
+
+def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str]) -> list[str]:
     """Effects to try, by columns, likeness to the unnamed term, or single edges."""
-    gain = _gains(pool, set(allowed) - barred)
+    gain = _gains(pool, allowed)
     order = sorted((n for n in gain if gain[n] > constants.PROMISING), key=lambda n: -gain[n])[:PROPOSED]
     base = next(iter(fits.values()))
     unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in pool.best if name.startswith(UNNAMED)}

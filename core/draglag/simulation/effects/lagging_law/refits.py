@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from draglag.gap.fitting.joint import Fit
+from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.likelihood import profile
 from draglag.gap.fitting.noise import scatter
 from draglag.gap.fitting.state import Term, linearise
@@ -17,7 +17,7 @@ from draglag.recording import FloatArray, Session
 from draglag.simulation.effects.lagging_law import LATEST_OF_SOUND_S, LaggingLaw, Setting
 from draglag.simulation.law import USUAL_LATENCY_S
 
-USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, 0.6 * LATEST_OF_SOUND_S), (0.0, LATEST_OF_SOUND_S))
+USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, LATEST_OF_SOUND_S))
 LONGEST_S = 0.3
 DELAYS_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
 OTHER: tuple[SpeedDelay, ...] = (
@@ -25,7 +25,7 @@ OTHER: tuple[SpeedDelay, ...] = (
     (0.0, -0.035),
     (1.0, -0.5 * USUAL_LATENCY_S),
 )
-FEW: tuple[SpeedDelay, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, -0.035), OTHER[-1])  # enough to see that it is another
+FEW: tuple[SpeedDelay, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, 0.15), (0.0, -0.035), OTHER[-1])  # enough to see another
 LEAST_LEFT_S = 0.003  # of a delay: the placing is true to that
 LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
 KEPT = 0.9  # of the edges of steady runs, that a delay has to place
@@ -40,27 +40,26 @@ def shown_by_traces(before: Fit) -> float:
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Refits to first order, at the likeliest delay, and at a longer one."""
-    own = LaggingLaw.id
-    out = [refit(session, before, [*before.terms, Term(own, theta)])] if theta else []
+    """Refits at the likeliest delay of a grid, at what is left of it, and at a longer one, as long as they gain."""
     profile_ = delay_profile(before, OTHER)
     if not np.isfinite(profile_).any():
-        return out
-    term = Term(own, OTHER[int(np.argmax(profile_))], (0.0,))
-    delayed: list[Fit] = []
+        return []
+    term = Term(LaggingLaw.id, OTHER[int(np.argmax(profile_))], (0.0,))
+    best, out = before, list[Fit | None]()
     for _ in range(ROUNDS):
         fit = refit(session, before, [*before.terms, term])
-        if fit is None:
+        if fit is None or gained_nats(best, fit) < 0:
             break
-        delayed.append(fit)
+        best = fit
+        out.append(fit)
         left_s = fit.terms[-1].sizes[0]
         if abs(left_s) < LEAST_LEFT_S:
             break
         term = with_remaining_delay(term, left_s)
-    if delayed:
-        last = delayed[-1].terms[-1]
+    if out:
+        last = best.terms[-1]
         longer = with_remaining_delay(last, (LONGER - 1) * _delay_s(last))
-        out += [*delayed, refit(session, before, [*before.terms, longer])]
+        out.append(refit(session, before, [*before.terms, longer]))
     return out
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.fitting.joint import Fit, gained_nats, sizes_by_one_step
+from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.model import LawParameters, starting_law
-from draglag.gap.fitting.state import Term, term_signature
+from draglag.gap.fitting.state import FREE, Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.run_data import as_shown
 from draglag.path.events import first_of_contact
@@ -59,9 +59,13 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def shown_share(before: Fit, setting: Setting) -> float:
-    """Share of a filter's columns that edges show, by one linear step next to the fit's terms: 1 where it is there."""
-    signatures = [term_signature(term, before.view) for term in before.terms]
-    return float(sizes_by_one_step(before, [*signatures, SpeedAdaptiveFilter.signature_of(setting, before.view)])[-1])
+    """Size of a filter's column next to the fit's terms, by one linear step: 1 where the filter is there."""
+    column = SpeedAdaptiveFilter.signature_of(setting, before.view).columns(before.view)
+    a = before.white.apply(np.column_stack([before.design, column]))
+    precision = np.diag(np.append(before.prior, FREE))
+    return float(
+        (np.linalg.pinv(a.T @ a + precision, hermitian=True) @ (a.T @ before.white.apply(before.residual_mm)))[-1]
+    )
 
 
 def _at(session: Session, before: Fit, setting: Setting, law: LawParameters | None = None) -> Fit | None:
