@@ -31,16 +31,22 @@ LEAST_SHARE = 0.1  # of a filter's columns: it is there as a whole; the quickest
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Refit of traces freed of the likeliest filter, if likelier than without. Begun at the usual one."""
-    if shown_share(before, Setting(*theta[:2]) if theta else USUAL) < LEAST_SHARE:
-        return []
-    best = _at(session, before, USUAL)
+    """Refit of traces freed of the likeliest filter, if likelier than without.
+
+    Begun at ``theta``; pursued from the usual filter if that is likelier.
+    """
+    begun = Setting(*theta[:2]) if theta else USUAL
+    best = _at(session, before, begun) if shown_share(before, begun) >= LEAST_SHARE else None
     if best is None:
         return []
     step, unsure, gain = likelier(best)
-    for _ in range(ROUNDS):
+    for k in range(ROUNDS):
         if gained_nats(before, best) + gain < 0:
             return []  # not even to first order does it come up to a fit without a filter
+        usual = _at(session, before, USUAL) if k == 0 and theta else None
+        if usual is not None and gained_nats(best, usual) > 0:
+            best = usual
+            step, unsure, gain = likelier(best)
         there = _setting(best).moved(np.clip(step, -LONGEST_STEP, LONGEST_STEP))
         if np.max(np.abs(there.logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD:
             return []
