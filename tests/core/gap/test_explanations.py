@@ -81,6 +81,13 @@ def test_two_effects_that_hide_each_other_are_both_named_and_sized() -> None:
     assert sizes["beam_width"] == pytest.approx(-0.8, abs=0.05)
 
 
+def test_a_lagging_law_is_found_next_to_an_effect_that_explains_ten_times_as_much() -> None:
+    effects = [parse_effect("lagging_law=0.06"), parse_effect("scan_skew=0.01")]
+    report = close_gap(simulate_session("screen-2", load_protocol("demo"), effects=effects, seed=24))
+    assert report.verdict == "explained"
+    assert [step.effect for step in report.steps] == ["scan_skew", "lagging_law"]
+
+
 def test_what_is_beyond_chance_and_too_small_to_matter_is_tolerated() -> None:
     # A ripple of less than a tenth of a millimetre: thousands of edges show it, and nobody needs it.
     report = close_gap(simulated("pitch_ripple=0.05"))
