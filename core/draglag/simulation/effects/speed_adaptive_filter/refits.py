@@ -27,7 +27,7 @@ ROUNDS = 4  # after the first refits
 LONGEST_STEP = 0.7  # of a logarithm in one round, a factor of two: further, first order says nothing
 BEYOND_SCREENS = 3.5  # standard deviations among screens: one in two thousand would have such a filter
 BACK = 0.3  # of a step that went too far
-LEAST_SHARE = 0.1  # of a filter's columns, for it is there as a whole. Simulated filters, the quickest too, have 0.36 to 1.8
+LEAST_SHARE = 0.1  # of a filter's columns, for it is there as a whole: simulated ones have 0.36 to 1.8
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
