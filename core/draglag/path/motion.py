@@ -11,6 +11,8 @@ from draglag.recording import FloatArray, IntArray, TouchTrace
 
 SAVGOL_ORDER = 4  # the paper, Section III.A
 SAVGOL_WINDOW = 61
+NARROWEST = 3.5  # events: half of the narrowest window
+FEWEST = 20  # predicted events from which a noise is known
 SPEED_TIMING_S = 0.01  # a speed read from a window of 50–250 ms is not known to better than this in time
 
 
@@ -36,10 +38,12 @@ def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray
     """
     dt_s = sample_interval_s(t_s)
     slot, even = _even_grid(t_s, values_mm, dt_s)
+    if _n_whole(even, _even_weights(NARROWEST).size) < FEWEST:
+        even = _bridged(even)
     near = _near(t_s, near_s, max(6 * dt_s, 0.08))
-    best = (3.5 * dt_s, np.inf, float("nan"))
+    best = (NARROWEST * dt_s, np.inf, float("nan"))
     rising = 0
-    for samples in 3.5 * 1.3 ** np.arange(13):
+    for samples in NARROWEST * 1.3 ** np.arange(13):
         weights = _even_weights(samples)
         reach = weights.size // 2
         if slot[-1] < 4 * weights.size:
@@ -47,7 +51,7 @@ def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray
         own = weights[reach]
         fitted = np.column_stack([np.convolve(column, weights, mode="same") for column in even.T])[slot]
         keep = near & np.isfinite(fitted).all(1) & (slot >= reach) & (slot <= slot[-1] - reach)
-        if np.count_nonzero(keep) < 20:
+        if np.count_nonzero(keep) < FEWEST:
             break
         residual = even[slot[keep]] - fitted[keep]
         squared = np.sum((residual / (1 - own)) ** 2, axis=1)
@@ -73,6 +77,20 @@ def _even_grid(t_s: FloatArray, values: FloatArray, dt_s: float) -> tuple[IntArr
     even = np.full((int(slot[-1]) + 1, values.shape[1]), np.nan)
     even[slot] = values - velocity * (late_s - smooth)[:, None]
     return slot, even
+
+
+def _n_whole(even: FloatArray, size: int) -> int:
+    """Windows of an even grid (k, c) without a missing event."""
+    missing = np.isnan(even[:, 0])
+    return int(np.count_nonzero(np.convolve(missing, np.ones(size), mode="valid") < 0.5))
+
+
+def _bridged(even: FloatArray) -> FloatArray:
+    """Grid with cubics over single missing events: where a loop asks faster than the panel reports, every few are."""
+    out = even.copy()
+    a, b, hole, c, d = (even[k : len(even) - 4 + k] for k in range(5))
+    out[2:-2] = np.where(np.isnan(hole), (9 * (b + c) - a - d) / 16, hole)
+    return out
 
 
 def _even_weights(samples: float) -> FloatArray:
