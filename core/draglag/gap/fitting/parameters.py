@@ -7,7 +7,8 @@ import numpy as np
 from draglag.gap.fitting.jackknife import jackknife_sd
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import base_prior
-from draglag.gap.fitting.state import Term
+from draglag.gap.fitting.signatures import view_of
+from draglag.gap.fitting.state import Term, term_signature
 from draglag.recording import FloatArray
 from draglag.simulation.effects import column_of, effect_class
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters
@@ -29,14 +30,16 @@ def parameters_of(effect: str, fit: Fit, misfit_sd: FloatArray | None = None) ->
 
 
 def whole_size_mm(fit: Fit, effect: str) -> float | None:
-    """RMS shift of the edges to first order, if in the fit."""
-    column, at = column_of(effect), base_prior(fit.law).size
+    """RMS shift of all placed edges to first order, those left open included; None if not in the fit."""
+    column, placed = column_of(effect), fit.placed
+    view = view_of(placed, fit.law, fit.geometry, fit.width_mm)
     for term in fit.terms:
-        k = len(term.sizes)
+        view = effect_class(term.effect).view_with(term.theta, view)
+    for term in fit.terms:
         if term.effect == column:
-            moved_mm = fit.design[:, at : at + k] @ effect_class(column).whole_sizes(term, fit)
-            return float(np.sqrt(np.mean(moved_mm**2)))
-        at += k
+            columns = term_signature(term, view).columns(view)
+            moved_mm = columns[placed.ok] @ effect_class(column).whole_sizes(term, fit)
+            return float(np.sqrt(np.mean(moved_mm[np.isfinite(moved_mm)] ** 2)))
     return None
 
 
