@@ -11,14 +11,11 @@ SIZE_OF_INTEREST_MM = 0.05
 millimetre peak to peak, below what any compensation of a drag can use.
 """
 
-TOLERANCE_MM = 0.02
-"""mm RMS. Prior standard deviation of every smooth shape, and of the columns of effects, that are too small to matter.
-Judgement: 0.4 of the size of interest.
-"""
-
 MISFIT_MM = (0.0, 0.001, 0.002, 0.005, 0.01, 0.02)
-"""mm RMS. Scales of the tolerated shapes that the interval of an effect's size allows for, all alike probable. Derived:
-none, and up to ``TOLERANCE_MM`` in steps of a factor of about two, finer than a session knows its scale.
+"""mm RMS. Scales, all alike probable, of the smooth shapes and of the columns of effects that are too small to matter:
+the prior standard deviation of each. Explanations are compared with at least a tenth of the size of interest, as no
+model is truer; the interval of an effect's size allows for all. Physical: up to 0.4 of the size of interest, in steps
+of a factor of about two, finer than a session knows its scale.
 """
 
 SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
@@ -60,7 +57,8 @@ MEMORY_S = 0.5
 """s. Correlation time of a wandering lateness. Physical: a hand's pressure and tilt change within half a second."""
 
 LEAST_DIRECTION_MM = 0.001
-"""mm RMS. Directions of the tolerance that move edges by less are left out. Derived: the rounding of the placing."""
+"""mm RMS. Directions of the tolerance that move edges by less at its largest scale are left out. Derived: the rounding
+of the placing."""
 
 NUGGET_MM2 = 1e-6
 """mm². Added to every variance, (1 µm)²: the rounding of the placing. Derived."""

@@ -30,13 +30,13 @@ from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
-LEVELS = Components(edge_mm=0.1, run_s=0.0, run_mm=0.0, late_s=0.0005)
+LEVELS = Components(edge_mm=0.1, run_s=0.0, run_mm=0.0, late_s=0.0005, misfit_mm=0.005)
 
 
 def linear(
     rng: np.random.Generator, residual_mm: np.ndarray, members: tuple[Member, ...], own: tuple[str, ...] = ()
 ) -> Linear:
-    """A session of one run at a fit with ``own`` effects: a constant as its base, no tolerance."""
+    """A session of one run at a fit with ``own`` effects: a constant and one tolerated shape as its base."""
     n = residual_mm.size
     zero = np.zeros((1, n))
     parts = Scatter(
@@ -51,7 +51,7 @@ def linear(
         fit,
         members,
         residual_mm,
-        np.ones((n, 1)),
+        np.column_stack([np.ones(n), np.linspace(-1.7, 1.7, n)]),
         np.array([4.0]),
         columns,
         at,
@@ -64,14 +64,17 @@ def linear(
 
 
 def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_model() -> None:
-    """Base and members integrated out by hand: r ~ N(0, C + A P⁻¹ Aᵀ + Σ s² x xᵀ) (Rasmussen & Williams, eq. 2.30)."""
+    """Base and members integrated out by hand (Rasmussen & Williams, eq. 2.30).
+
+    r ~ N(0, C + A P⁻¹ Aᵀ + τ² T Tᵀ + Σ s² x xᵀ).
+    """
     rng = np.random.default_rng(1)
     n = 40
     members = tuple(Member(name, (), rng.standard_normal((n, 1)), np.log(0.02)) for name in ("one", "two"))
     residual_mm = 0.3 * members[0].columns[:, 0] + 0.1 * rng.standard_normal(n)
     seen = linear(rng, residual_mm, members)
     local = 0.01 + LEVELS.edge_mm**2 + (LEVELS.late_s * seen.parts.late_mm_s) ** 2
-    covariance = np.diag(local) + seen.base @ seen.base.T / seen.precision
+    covariance = np.diag(local) + seen.base @ np.diag([1 / 4.0, LEVELS.misfit_mm**2]) @ seen.base.T
     found = {e.members: e for e in searched(seen, (normal(seen, LEVELS),)).explanations}
     constant = multivariate_normal(np.zeros(n), covariance).logpdf(residual_mm) + log_prior(LEVELS, False)
     for k in range(2):
@@ -193,6 +196,21 @@ def test_a_sound_session_is_quiet() -> None:
     found = sound_sessions.report_of_recorded()
     assert (found.verdict, found.steps) == ("no_gap", ())
     assert found.gap_last_mm == found.gap_first_mm
+
+
+@pytest.mark.parametrize(("extra_mm", "named"), [(0.07, []), (0.14, ["beam_width"])])
+def test_an_effect_is_named_from_the_size_of_interest_on(extra_mm: float, named: list[str]) -> None:
+    """A shadow wider by 0.1 mm moves every edge by 0.05: less is tolerated, more is named with its size."""
+    session = simulate_session(
+        "screen-1", sound_sessions.brief_protocol(), effects=[parse_effect(f"beam_width={extra_mm}")], seed=5
+    )
+    report = close_gap(session)
+    assert [step.effect for step in report.steps] == named
+    assert report.verdict == ("explained" if named else "no_gap")
+    for step in report.steps:
+        value_mm, (low_mm, high_mm) = step.parameters["extra_mm"]
+        assert low_mm < extra_mm < high_mm
+        assert high_mm - low_mm < 0.5 * value_mm
 
 
 def test_a_session_without_data_says_what_it_lacks() -> None:

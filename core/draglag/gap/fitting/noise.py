@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from draglag.gap.constants import MEMORY_S, NUGGET_MM2
+from draglag.gap.constants import MEMORY_S, MISFIT_MM, NUGGET_MM2
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
 from draglag.path.motion import SPEED_TIMING_S
@@ -35,7 +35,7 @@ class Components:
 
     speed: relative error of the law's speed; tremor_mm_s: absolute. uneven: relative error of following changes of
     speed. run_s, run_mm: latency and offset of a run. late_s, wander_s: lateness of single reports, and one that
-    wanders.
+    wanders. misfit_mm: of each shape that the posterior tolerates.
     """
 
     edge_mm: float = 0.05
@@ -46,6 +46,7 @@ class Components:
     run_mm: float = 0.02
     late_s: float = 0.0
     wander_s: float = 0.0
+    misfit_mm: float = MISFIT_MM[-1]
 
 
 LOCAL: tuple[tuple[Sizes, ...], ...] = (  # kinds that trade places are sought together

@@ -20,7 +20,7 @@ def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scal
     which = names.index(LAW_FORM)
     parts = [linear.columns[:, linear.at[i]] * s for i, s in zip(members, scales_mm, strict=True)]
     inner, _ = inner_products(linear.parts, np.column_stack([linear.base, *parts, linear.residual_mm]))(levels.levels)
-    precision = np.append(linear.precision, np.ones(sum(p.shape[1] for p in parts)))
+    precision = np.append(linear.precision_at(levels.levels), np.ones(sum(p.shape[1] for p in parts)))
     information, moment = inner[:-1, :-1].copy(), inner[:-1, -1]
     information[np.diag_indices_from(information)] += precision
     scale = 1 / np.sqrt(np.diag(information))

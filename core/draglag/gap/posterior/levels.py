@@ -19,6 +19,7 @@ class Part:
     sound: float
 
 
+_TOLERATED_MM = tuple(x for x in constants.MISFIT_MM if x >= 0.1 * constants.SIZE_OF_INTEREST_MM)
 PARTS = {
     # Edges by themselves, mm: comparator, chatter, what the local fits leave.
     "edge_mm": Part((0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45), 0.15, 0.14),
@@ -34,6 +35,8 @@ PARTS = {
     # Lateness of single reports and one that wanders, s: ages of reports.
     "late_s": Part((0.0, 0.0002, 0.0004, 0.0007, 0.0012, 0.002, 0.003), 0.0004, 0.0007),
     "wander_s": Part((0.0, 0.0002, 0.0004, 0.0007, 0.0012, 0.002, 0.003), 0.0004, 0.0007),
+    # Every tolerated shape, mm.
+    "misfit_mm": Part(_TOLERATED_MM, np.inf, _TOLERATED_MM[-1]),
 }
 """Values: steps of a factor 1.4 or so, finer than a session knows them. Priors and the most of sound rigs: physical
 (facts on hands, digitisers and sensors), checked on sound sessions of two generators."""

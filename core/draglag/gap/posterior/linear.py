@@ -34,7 +34,7 @@ ROUNDS = 2  # over the levels
 class Linear:
     """One linearisation on m edges.
 
-    residual_mm (m,): without members. base (m, p): A and T, of prior precision (p,). columns (m, q): of members, 1 mm
+    residual_mm (m,): without members. base (m, p): A, of prior precision (a,), and T. columns (m, q): of members, 1 mm
     RMS. at: each member's columns. edges: mask over placed edges; None: the fit's.
     """
 
@@ -50,6 +50,11 @@ class Linear:
     law: LawParameters
     edges: np.ndarray | None
     whole: Whole
+
+    def precision_at(self, levels: Components) -> FloatArray:
+        """Prior precision of the base columns, (p,)."""
+        tolerated = self.base.shape[1] - self.precision.size
+        return np.append(self.precision, np.full(tolerated, levels.misfit_mm**-2.0))
 
     def on(self, edges: np.ndarray) -> Linear:
         """Linearisation on a mask of placed edges."""
@@ -96,7 +101,7 @@ def linearised(
     members = (*(member for member in _own(fit) if member.name not in listed), *possible)
     base, prior, residual, law = _without_members(fit)
     tolerance = tolerance_of(fit, members)
-    precision = np.maximum(np.concatenate([prior, np.ones(tolerance.shape[1])]), LEAST_PRECISION)
+    precision = np.maximum(prior, LEAST_PRECISION)
     whole = Whole(fit, members, residual, np.column_stack([base, tolerance]), precision, parts, unsure_ages, law)
     return _restricted(whole, edges)
 
@@ -152,18 +157,18 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawP
 
 
 def tolerance_of(fit: Fit, members: Sequence[Member]) -> FloatArray:
-    """Leading directions (m, k) of misfit too small to matter, of unit prior variance."""
-    blocks = [(of_unit_rms(c), constants.TOLERANCE_MM) for c in smooth_columns(fit).values()]
+    """Leading directions (m, k) of misfit too small to matter, of one prior variance."""
+    blocks = [of_unit_rms(c) for c in smooth_columns(fit).values()]
     by_name: dict[str, list[Member]] = {}
     for member in members:
         if member.named:
             by_name.setdefault(member.name, []).append(member)
     for settings in by_name.values():
         step = max(1, len(settings) // constants.TOLERATED_SETTINGS)
-        blocks += [(of_unit_rms(m.columns), constants.TOLERANCE_MM) for m in settings[::step]]
-    columns = np.column_stack([sd * c for c, sd in blocks])
+        blocks += [of_unit_rms(m.columns) for m in settings[::step]]
+    columns = np.column_stack(blocks)
     left, size, _ = np.linalg.svd(columns, full_matrices=False)
-    leading = size > constants.LEAST_DIRECTION_MM * np.sqrt(columns.shape[0])
+    leading = size * constants.MISFIT_MM[-1] > constants.LEAST_DIRECTION_MM * np.sqrt(columns.shape[0])
     return np.asarray(left[:, leading] * size[leading])
 
 
@@ -171,20 +176,21 @@ def normal(linear: Linear, levels: Components) -> Normal:
     p = linear.base.shape[1]
     products = inner_products(linear.parts, np.column_stack([linear.base, linear.columns, linear.residual_mm]))
     inner, log_det = products(levels)
-    root, scale, value = _base_value(linear, inner[np.ix_([*range(p), -1], [*range(p), -1])], log_det)
+    of_base = inner[np.ix_([*range(p), -1], [*range(p), -1])]
+    root, scale, value = _base_value(linear.precision_at(levels), of_base, log_det)
     through = solve_triangular(root, scale[:, None] * inner[:p, p:], lower=True)
     left = inner[p:, p:] - through.T @ through
     return Normal(levels, left[:-1, :-1], left[:-1, -1], value + log_prior(levels, linear.unsure_ages))
 
 
 def _base_value(
-    linear: Linear, inner: FloatArray, log_det: float, extra: int = 0
+    precision: FloatArray, inner: FloatArray, log_det: float, extra: int = 0
 ) -> tuple[FloatArray, FloatArray, float]:
     """Cholesky factor and scale of the information, log evidence.
 
-    inner: products of base, ``extra`` columns of unit prior, and residual.
+    precision: of the base, (p,). inner: products of base, ``extra`` columns of unit prior, and residual.
     """
-    precision = np.append(linear.precision, np.ones(extra))
+    precision = np.append(precision, np.ones(extra))
     information = inner[:-1, :-1].copy()
     information[np.diag_indices_from(information)] += precision
     scale = 1 / np.sqrt(np.diag(information))
@@ -209,7 +215,8 @@ def likeliest_levels(
 
     @cache
     def value(levels: Components) -> float:
-        return _base_value(linear, *products(levels), extra)[2] + log_prior(levels, linear.unsure_ages)
+        evidence = _base_value(linear.precision_at(levels), *products(levels), extra)[2]
+        return evidence + log_prior(levels, linear.unsure_ages)
 
     levels = start or Components()
     levels = within_sound(levels) if sound else levels
