@@ -38,7 +38,8 @@ def best_half_width_s(t_s: FloatArray, values_mm: FloatArray, near_s: FloatArray
     """
     dt_s = sample_interval_s(t_s)
     slot, even = _even_grid(t_s, values_mm, dt_s)
-    if _n_whole(even, _even_weights(NARROWEST).size) < FEWEST:
+    size = _even_weights(NARROWEST).size
+    if slot[-1] >= size and _n_whole(even, size) < FEWEST:
         even = _bridged(even)
     near = _near(t_s, near_s, max(6 * dt_s, 0.08))
     best = (NARROWEST * dt_s, np.inf, float("nan"))

@@ -20,3 +20,11 @@ def test_the_noise_is_known_although_every_few_events_are_missing(every: int) ->
     noise_mm = NOISE_MM * np.random.default_rng(3).standard_normal(way_mm.shape)
     _, found_mm = best_half_width_s(t_s, way_mm + noise_mm, t_s[::50])
     assert found_mm == pytest.approx(NOISE_MM, abs=4 * NOISE_MM / np.sqrt(2 * 600))  # numbers of events near those
+
+
+@pytest.mark.parametrize("n", [2, 4, 7, 20])
+def test_a_trace_too_short_has_no_noise(n: int) -> None:
+    t_s = 0.01 * np.arange(n)
+    half_s, found_mm = best_half_width_s(t_s, np.column_stack([t_s, t_s]), t_s)
+    assert half_s == pytest.approx(0.035)
+    assert np.isnan(found_mm)
