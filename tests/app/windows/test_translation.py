@@ -20,7 +20,7 @@ from draglag.curve import FORMS
 from draglag.errors import DataError
 from draglag.gap.by_hand import BY_HAND
 from draglag.gap.fitting.parameters import where_of
-from draglag.gap.posterior.levels import PARTS
+from draglag.gap.posterior.levels import NOISE
 from draglag.gap.results import FOLLOWS
 from draglag.latency import RunEstimate
 from draglag.latency.flags import MEANING
@@ -249,7 +249,7 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
         "explanations": [{"effects": names, "probability": p} for names, p in sets],
         "law": {"adequate": False, "misses_ms": 1.21, "probability_other": 0.97},
         "tolerated": [{"follows": "session_time", "probability": 0.9, "size_mm": 0.031}],
-        "noise": [{"name": name, "level": 0.1, "size_mm": 0.1} for name in ("touch", *PARTS)],
+        "noise": [{"name": name, "level": 0.1, "size_mm": 0.1} for name in ("touch", *NOISE)],
         "not_seen": {"clock_offset": "taps timed on the same clock show it"},
     }  # fmt: skip
     try:

@@ -19,8 +19,7 @@ class Part:
     sound: float
 
 
-_TOLERATED_MM = tuple(x for x in constants.MISFIT_MM if x >= 0.1 * constants.SIZE_OF_INTEREST_MM)
-PARTS = {
+NOISE = {
     # Edges by themselves, mm: comparator, chatter, what the local fits leave.
     "edge_mm": Part((0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45), 0.15, 0.14),
     # Relative error of the law's argument, a speed.
@@ -35,11 +34,13 @@ PARTS = {
     # Lateness of single reports and one that wanders, s: ages of reports.
     "late_s": Part((0.0, 0.0002, 0.0004, 0.0007, 0.0012, 0.002, 0.003), 0.0004, 0.0007),
     "wander_s": Part((0.0, 0.0002, 0.0004, 0.0007, 0.0012, 0.002, 0.003), 0.0004, 0.0007),
-    # Every tolerated shape, mm.
-    "misfit_mm": Part(_TOLERATED_MM, np.inf, _TOLERATED_MM[-1]),
 }
 """Values: steps of a factor 1.4 or so, finer than a session knows them. Priors and the most of sound rigs: physical
 (facts on hands, digitisers and sensors), checked on sound sessions of two generators."""
+
+_MISFIT_MM = tuple(x for x in constants.MISFIT_MM if x >= 0.1 * constants.SIZE_OF_INTEREST_MM)
+PARTS = NOISE | {"misfit_mm": Part(_MISFIT_MM, np.inf, _MISFIT_MM[-1])}
+"""Parts of the noise, and the scale of every tolerated shape, mm."""
 
 UNSURE_AGE_SD_S = 0.002
 """Prior standard deviation of both latenesses where the stamps are sampled or rounded: a tick is 8 to 16 ms."""
