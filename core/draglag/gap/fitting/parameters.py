@@ -7,8 +7,7 @@ import numpy as np
 from draglag.gap.fitting.jackknife import jackknife_sd
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import base_prior
-from draglag.gap.fitting.signatures import view_of
-from draglag.gap.fitting.state import Term, term_signature
+from draglag.gap.fitting.state import Term, term_signature, view_with_terms
 from draglag.recording import FloatArray
 from draglag.simulation.effects import column_of, effect_class
 from draglag.simulation.effects.in_fits import FittedTerm, Parameters
@@ -32,9 +31,7 @@ def parameters_of(effect: str, fit: Fit, misfit_sd: FloatArray | None = None) ->
 def whole_size_mm(fit: Fit, effect: str) -> float | None:
     """RMS shift of all placed edges to first order, those left open included; None if not in the fit."""
     column, placed = column_of(effect), fit.placed
-    view = view_of(placed, fit.law, fit.geometry, fit.width_mm)
-    for term in fit.terms:
-        view = effect_class(term.effect).view_with(term.theta, view)
+    view = view_with_terms(placed, fit.law, fit.geometry, fit.terms, fit.width_mm)
     for term in fit.terms:
         if term.effect == column:
             columns = term_signature(term, view).columns(view)

@@ -37,6 +37,16 @@ def term_signature(term: Term, view: View) -> Signature:
     return EFFECTS[term.effect].signature_at(term.theta, view)
 
 
+def view_with_terms(
+    placed: Placed, law: LawParameters, geometry: Geometry, terms: Sequence[Term], width_mm: float
+) -> View:
+    """All placed edges as the columns of the terms read them."""
+    view = view_of(placed, law, geometry, width_mm)
+    for term in terms:
+        view = effect_class(term.effect).view_with(term.theta, view)
+    return view
+
+
 def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray:
     """Prior precision of a step of each size."""
     each = [max(effect_class(term.effect).prior_sd ** -2, FREE) for term in terms]
@@ -71,9 +81,7 @@ def linearise(
     extra = None if before is None else total(before.signatures, terms, before.view, "latency")
     when = _speed_delay(terms)
     placed = _placed_by_law(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
-    view = view_of(placed, law, geometry, width_mm)
-    for term in terms:
-        view = effect_class(term.effect).view_with(term.theta, view)
+    view = view_with_terms(placed, law, geometry, terms, width_mm)
     signatures = tuple(term_signature(t, view) for t in terms)
     stale = False
     if extra is not None:

@@ -8,8 +8,7 @@ from scipy.special import log_ndtr, logsumexp
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.model import residual_mm
 from draglag.gap.fitting.noise import timing_mm
-from draglag.gap.fitting.signatures import view_of
-from draglag.gap.fitting.state import term_signature, total
+from draglag.gap.fitting.state import term_signature, total, view_with_terms
 from draglag.gap.proposing.left_open import open_mm
 from draglag.recording import FloatArray
 
@@ -40,7 +39,7 @@ def _log_uniform(residual_mm: FloatArray, sd_mm: FloatArray, width_mm: FloatArra
 
 
 def _residual_mm(fit: Fit) -> FloatArray:
-    view = view_of(fit.placed, fit.law, fit.geometry, fit.width_mm)
+    view = view_with_terms(fit.placed, fit.law, fit.geometry, fit.terms, fit.width_mm)
     signatures = tuple(term_signature(term, view) for term in fit.terms)
     out = residual_mm(fit.placed, fit.geometry) - total(signatures, fit.terms, view, "offset")
     return np.asarray(np.where(fit.placed.ok, out, np.nan))

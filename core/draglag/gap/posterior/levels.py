@@ -38,7 +38,7 @@ NOISE = {
 """Values: steps of a factor 1.4 or so, finer than a session knows them. Priors and the most of sound rigs: physical
 (facts on hands, digitisers and sensors), checked on sound sessions of two generators."""
 
-_MISFIT_MM = tuple(x for x in constants.MISFIT_MM if x >= 0.1 * constants.SIZE_OF_INTEREST_MM)
+_MISFIT_MM = tuple(x for x in constants.MISFIT_MM if x >= constants.LEAST_MISFIT_MM)
 PARTS = NOISE | {"misfit_mm": Part(_MISFIT_MM, np.inf, _MISFIT_MM[-1])}
 """Parts of the noise, and the scale of every tolerated shape, mm."""
 
