@@ -143,6 +143,22 @@ def test_of_what_has_no_name_counts_what_the_law_and_the_beam_cannot_be(name: st
     )
 
 
+def test_of_what_has_no_name_counts_what_named_effects_of_the_explanation_cannot_be() -> None:
+    """A smooth function of the acceleration holds most of an effect that follows it: their sum, not their shares, is
+    known."""
+    rng = np.random.default_rng(6)
+    n = 400
+    effect, rest = rng.standard_normal((2, n))
+    members = tuple(
+        Member(name, (), column[:, None], np.log(0.02))
+        for name, column in (("effect", effect), ("?acceleration:latency", 3 * effect + rest))
+    )
+    seen = linear(rng, effect + 0.2 * rest + 0.1 * rng.standard_normal(n), members)
+    search = searched(seen, (normal(seen, LEVELS),))
+    both = max((e for e in search.explanations if e.members == (0, 1)), key=lambda e: e.log_mass)
+    assert sizes_mm(search, both)["?acceleration:latency"] == pytest.approx(0.2, abs=4 * 0.14 / np.sqrt(n))
+
+
 def test_a_curve_of_another_form_has_a_nearest_eq_5_and_a_remainder() -> None:
     v = np.geomspace(40, 900, 300)
     logistic_s = 0.03 + 0.05 / (1 + (v / 200) ** 4)

@@ -281,7 +281,8 @@ def log_evidence(search: Search, explanation: Explanation) -> FloatArray:
 
 
 def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
-    """Posterior mean RMS of each name at the likeliest levels; if unnamed, beyond Eq. 5 and a straight beam.
+    """Posterior mean RMS of each name at the likeliest levels; if unnamed, what Eq. 5, a straight beam and the
+    explanation's effects cannot move.
 
     Several members of one name, as jumps at several places, count together.
     """
@@ -292,12 +293,15 @@ def sizes_mm(search: Search, explanation: Explanation) -> dict[str, float]:
     one = search.normals[int(np.argmax(log_evidence(search, explanation)))]
     information = one.gram[np.ix_(at, at)] + np.diag(scale**-2.0)
     mean = np.linalg.solve(information, one.moment[at])
+    inside = {i: linear.members[i] for i in explanation.members}
+    effects = [linear.columns[:, linear.at[i]] for i, m in inside.items() if m.named and m.name != LAW_FORM]
+    model = np.column_stack([linear.model, *effects])
     moved: dict[str, FloatArray] = {}
     k = 0
     for i in explanation.members:
-        own, name = linear.at[i], linear.members[i].name
+        own, name = linear.at[i], inside[i].name
         moved[name] = moved.get(name, 0.0) + linear.columns[:, own] @ mean[k : k + own.size]
-        if not linear.members[i].named:
-            moved[name] = moved[name] - linear.model @ np.linalg.lstsq(linear.model, moved[name], rcond=None)[0]
+        if not inside[i].named:
+            moved[name] = moved[name] - model @ np.linalg.lstsq(model, moved[name], rcond=None)[0]
         k += own.size
     return {name: float(np.sqrt(np.mean(each**2))) for name, each in moved.items()}
