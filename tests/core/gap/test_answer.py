@@ -59,3 +59,16 @@ def test_what_has_no_name_outweighs_nothing_too() -> None:
 def test_the_curves_own_form_is_nothing() -> None:
     found = said({("law_form",): 0.3, (): 0.25, ("beam_bow",): 0.45})
     assert (found.effects, found.unexplained_by) == ((), None)
+
+
+@pytest.mark.parametrize("other", ["lagging_law", "?acceleration:latency"])
+@pytest.mark.parametrize(("other_mm", "counts"), [(0.3, False), (0.5, True)])
+def test_what_an_effect_s_own_uncertainty_covers_is_no_gap_named_or_not(
+    monkeypatch: pytest.MonkeyPatch, other: str, other_mm: float, counts: bool
+) -> None:
+    """A lag's acceleration is known to 20 %: 0.39 mm of 1 mm, at 95 %."""
+    sizes_mm = {"acceleration_lag": 1.0, other: other_mm}
+    monkeypatch.setattr(answer, "_sizes", lambda pool, names: {name: sizes_mm[name] for name in names})
+    found = said({tuple(sorted(("acceleration_lag", other))): 1.0})
+    explained_by_the_lag_alone = (found.effects, found.unexplained_by) == (("acceleration_lag",), None)
+    assert explained_by_the_lag_alone is not counts
