@@ -93,24 +93,19 @@ def _without_form(names: Names) -> Names:
 
 
 def _of_interest(pool: Pool, names: Names) -> Names:
-    """Members of interest, without the curve's form and others within the uncertainty of an effect's columns."""
+    """Members of interest, without the curve's form and unnamed terms within the uncertainty of an effect's columns."""
     sizes = _sizes(pool, names)
-    open_mm: dict[str, float] = {}
-    for name in names:
-        if name in EFFECTS:
-            home = effect_class(name)
-            own_mm = Z95 * home.unsure_share * sizes.get(name, 1.0)
-            open_mm[home.follows] = max(open_mm.get(home.follows, 0.0), own_mm)
+    open_mm = {
+        effect_class(name).follows: Z95 * effect_class(name).unsure_share * sizes.get(name, 1.0)
+        for name in names
+        if name in EFFECTS
+    }
     out = []
     for name in _without_form(names):
-        least_mm = max(constants.SIZE_OF_INTEREST_MM, open_mm.get(_covariate(name), 0.0))
-        if sizes.get(name, np.inf) >= least_mm:
+        least_mm = open_mm.get(name.removeprefix(UNNAMED).partition(":")[0], 0.0) if name.startswith(UNNAMED) else 0.0
+        if sizes.get(name, np.inf) >= max(constants.SIZE_OF_INTEREST_MM, least_mm):
             out.append(name)
     return tuple(dict.fromkeys(out))
-
-
-def _covariate(name: str) -> str:
-    return effect_class(name).follows if name in EFFECTS else name.removeprefix(UNNAMED).partition(":")[0]
 
 
 def _leading_covariate(pool: Pool, names: Names) -> str:
