@@ -81,6 +81,12 @@ def _explored(
     proposed: set[Names] = set()
     tried: set[tuple[Names, str]] = set()
     asked: set[Names] = set()
+    if most_effects > 0 and _in_doubt(pool):
+        # What single edges show comes before what columns promise: other effects stand in for it, one after another.
+        found = _proposed(session, pool, fits, _seen_in_edges(fits, allowed), (inside,), tried)
+        fits |= found
+        refuted = _refuted(fits, found)
+        pool = compare(list(fits.values()), before=pool, refuted=refuted) if found else pool
     for k in range(constants.ROUNDS):
         progress((k + 1) / (constants.ROUNDS + 1), "comparing explanations")
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
@@ -269,10 +275,14 @@ def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str]) -> 
     """Effects to try, by columns, likeness to the unnamed term, or single edges."""
     gain = _gains(pool, allowed)
     order = sorted((n for n in gain if gain[n] > constants.PROMISING), key=lambda n: -gain[n])[:PROPOSED]
-    base = next(iter(fits.values()))
     unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in pool.best if name.startswith(UNNAMED)}
-    like = (n for n in gain if unnamed & set(effect_class(n).looks_like) or shown_by_edges(base, n))
-    return list(dict.fromkeys((*order, *like)))
+    like = (n for n in gain if unnamed & set(effect_class(n).looks_like))
+    return list(dict.fromkeys((*order, *like, *_seen_in_edges(fits, allowed))))
+
+
+def _seen_in_edges(fits: dict[Names, Fit], allowed: Collection[str]) -> list[str]:
+    base = next(iter(fits.values()))
+    return [name for name in sorted(allowed) if shown_by_edges(base, name)]
 
 
 def _with_one_less(
