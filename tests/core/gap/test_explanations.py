@@ -12,7 +12,7 @@ from draglag.gap import close_gap
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.fitting.parameters import where_of
 from draglag.protocol.runs import load_protocol
-from draglag.recording import Session
+from draglag.recording import Run, Session
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS, parse_effect
 from draglag.simulation.effects.second_filter_mode.fitted import FittedMode
@@ -70,6 +70,17 @@ def test_a_latency_that_jumps_at_one_moment_is_no_drift() -> None:
     )
     report = close_gap(replace(sound, runs=runs))
     assert (report.verdict, report.unexplained_by, report.steps) == ("unexplained", "session_time", ())
+
+
+@pytest.mark.parametrize("time_constant_s", [1.0, 2.0])
+def test_a_latency_that_settles_in_every_run_is_no_filter_that_comes_and_goes(time_constant_s: float) -> None:
+    def settling(run: Run) -> Run:
+        late_s = 0.014 * np.exp(-(run.touch.t_s - run.touch.t_s[0]) / time_constant_s)
+        return replace(run, touch=replace(run.touch, t_s=run.touch.t_s + late_s))
+
+    sound = sound_sessions.brief()
+    report = close_gap(replace(sound, runs=tuple(settling(run) for run in sound.runs)))
+    assert (report.verdict, report.unexplained_by, report.steps) == ("unexplained", "time_in_run", ())
 
 
 def test_two_effects_that_hide_each_other_are_both_named_and_sized() -> None:

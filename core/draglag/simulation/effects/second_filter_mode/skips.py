@@ -29,10 +29,10 @@ LEAST_GAIN = 1000.0  # of all runs; other effects come to some 200
 DIRECTIONS = np.pi / 4 * np.arange(4)
 GRID_S, PANELS_S = 0.005, 0.05  # a panel's own smoothing of a speed, about
 MIN_ACCURACY = 0.85  # balanced accuracy with which a threshold of the speed's change separates both states
-ALIKE = 0.2  # of a run's events by place, direction or speed, within which lie …
+ALIKE = 0.2  # of a run's events by place, direction or speed, or of its time, within which lie …
 # … so many of its switches: those are no filter's. Of the trace's skips as they are it is more: of generated filters
 # 0.59 to 0.79, of split panels, asymmetries and slow runs' noise 0.84 to 1.
-MOSTLY, NEARLY_ALL = 0.6, 0.85
+MOSTLY_ALIKE, NEARLY_ALL = 0.6, 0.85
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
     later = [states[: data.t_s.size, k, 0] & sure[k] for k, data in enumerate(runs)]
     if np.sum(gains[sure & (switches > 0)]) < LEAST_GAIN:
         return None
-    if _alike(runs, [np.flatnonzero(np.diff(on)) + 1 for on in later], gains) > MOSTLY:
+    if _alike(runs, [np.flatnonzero(np.diff(on)) + 1 for on in later], gains) > MOSTLY_ALIKE:
         return None
     first_s = min(float(data.t_s[0]) for data in runs)
     times = [_stretches(data.t_s - first_s, on, skip_s) for data, on in zip(runs, later, strict=True)]
