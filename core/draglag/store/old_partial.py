@@ -216,7 +216,9 @@ def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]
     columns = {c.name: _readable_rows(source, c) for c in present if c.name in source}
     scale = columns.get(table.scale.name)
     length = len(scale.values) if scale is not None else 0
-    longest = max((len(column.values) for column in columns.values()), default=0)
+    longest = max((len(column.values) for name, column in columns.items() if name != table.scale.name), default=0)
+    if table.scale.kind == "i":
+        length = min(length, longest)  # of a row whose number alone is left, nothing is
     if longest > length:
         losses.append(message("{source}: {n} unfinished rows are lost", source=source.name, n=longest - length))
     kept = _rows_with_times(scale, table, length)
