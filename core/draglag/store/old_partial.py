@@ -215,12 +215,13 @@ def _copy_table(source: Any, table: schema.Table, target: Any, losses: list[str]
     present = [c for c in table.every() if f"{source.name}/{c.name}".strip("/") not in left_out]
     columns = {c.name: _readable_rows(source, c) for c in present if c.name in source}
     scale = columns.get(table.scale.name)
-    length = len(scale.values) if scale is not None else 0
+    counted = len(scale.values) if scale is not None else 0
     longest = max((len(column.values) for name, column in columns.items() if name != table.scale.name), default=0)
-    if table.scale.kind == "i":
-        length = min(length, longest)  # of a row whose number alone is left, nothing is
-    if longest > length:
-        losses.append(message("{source}: {n} unfinished rows are lost", source=source.name, n=longest - length))
+    # Of a row whose number alone is left, nothing is.
+    length = min(counted, longest) if table.scale.kind == "i" else counted
+    lost_rows = max(counted, longest) - length
+    if lost_rows:
+        losses.append(message("{source}: {n} unfinished rows are lost", source=source.name, n=lost_rows))
     kept = _rows_with_times(scale, table, length)
     if not kept.all():
         losses.append(message("{source}: {n} rows are lost with their times", source=source.name, n=int((~kept).sum())))

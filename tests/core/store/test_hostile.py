@@ -88,8 +88,11 @@ def test_rows_of_which_only_the_number_is_left_are_none(sound: tuple[Path, Sessi
         for name in ("runs/run-01/log/entry", "runs/run-01/touch/gaps/gap", "taps/tap"):
             del file[name]
             file.create_dataset(name, data=np.zeros(20_000), compression="gzip")
-    saved = salvage(tmp_path / "s.h5", tmp_path / "saved.h5").session
-    (run,), (was,) = saved.runs, sound[1].runs
+    salvaged = salvage(tmp_path / "s.h5", tmp_path / "saved.h5")
+    saved, (was,) = salvaged.session, sound[1].runs
+    (run,) = saved.runs
+    lost = 20_000 - len(was.touch.gaps_s)
+    assert f"/runs/run-01/touch/gaps: {lost} unfinished rows are lost" in salvaged.losses
     assert [entry.text for entry in run.log] == [entry.text for entry in was.log]
     np.testing.assert_array_equal(run.touch.gaps_s, was.touch.gaps_s)
     assert saved.taps is not None
