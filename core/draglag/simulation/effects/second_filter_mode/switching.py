@@ -14,7 +14,7 @@ from draglag.gap.fitting.state import term_signature, total
 from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
-from draglag.simulation.effects.second_filter_mode.skips import ALIKE, MOSTLY_ALIKE
+from draglag.simulation.effects.second_filter_mode.skips import MOSTLY_ALIKE, largest_alike
 
 SIZES_S = np.geomspace(0.003, 0.04, 14)
 STARTS = (0.1, 0.35, 0.65, 0.9)  # quantiles of a run's latencies that its earlier level is looked for at
@@ -75,20 +75,18 @@ def find_switching(fit: Fit) -> Switching | None:
         return None
     if not any(steady) or np.mean(counts[np.array(steady)] > 0) < LEAST_RUNS:
         return None
-    if _alike(states, best) > MOSTLY_ALIKE:
+    if _alike_in_time(states, best) > MOSTLY_ALIKE:
         return None
     return Switching(float(SIZES_S[best]), np.array(sorted(spans)), float(gains[best] - EACH_SWITCH * switches))
 
 
-def _alike(states: list[tuple[FloatArray, FloatArray]], best: int) -> float:
-    """Largest share of the switches within ``ALIKE`` of a run's time: a latency that settles has one in each run."""
+def _alike_in_time(states: list[tuple[FloatArray, FloatArray]], best: int) -> float:
+    """Share of the switches about one time of a run: a latency that settles has one in each."""
     at = []
     for t, later in states:
         switched = np.flatnonzero(np.diff(later[best] > 0.5))
         at.append((0.5 * (t[switched] + t[switched + 1]) - t[0]) / (t[-1] - t[0]))
-    share = np.sort(np.concatenate(at))
-    count = np.searchsorted(share, share + ALIKE, side="right") - np.arange(share.size)
-    return float(count.max(initial=0)) / max(share.size, 1)
+    return largest_alike(np.concatenate(at))
 
 
 def refine_times(fit: Fit, size_s: float, setting: Setting) -> Setting:
