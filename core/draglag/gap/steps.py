@@ -48,7 +48,7 @@ def reported(
     named, strange = streams
     answer = answer_of(judgement.pool)
     chain, idle = _that_hold(fits_in_order(ready, judgement, answer.effects))
-    edges = np.logical_and.reduce([link.after.use for link in chain])
+    edges = np.logical_and.reduce([link.after.counted for link in chain])
     if (answer.unexplained_by or idle) and len(answer.effects) < max_effects:
         chain = _that_explain(chain, edges)
     last = chain[-1].after

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -10,17 +12,19 @@ from scipy.signal import savgol_filter
 from core import sound_sessions
 from draglag.gap import close_gap
 from draglag.gap.results import GapReport, Step
-from draglag.gap.traces.run_data import gather
+from draglag.gap.traces.run_data import RunData, gather, undone
 from draglag.protocol.runs import load_protocol
-from draglag.recording import FloatArray, Session
+from draglag.recording import FloatArray, IntArray, Session
 from draglag.simulation import simulate_session
-from draglag.simulation.effects import Effect
+from draglag.simulation.effects import Effect, parse_effect
 from draglag.simulation.effects.fitted_shape import FittedShape
 from draglag.simulation.effects.second_filter_mode.fitted import FittedMode
-from draglag.simulation.effects.second_filter_mode.lateness import without_lateness
-from draglag.simulation.effects.second_filter_mode.setting import By, Setting
-from draglag.simulation.effects.second_filter_mode.skips import find_skips, threshold_of_change
+from draglag.simulation.effects.second_filter_mode.lateness import Lateness, without_lateness
+from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
+from draglag.simulation.effects.second_filter_mode.skips import Skips, find_skips, threshold_of_change
+from draglag.simulation.effects.second_filter_mode.unsure import NEAR_SWITCH_S, near_switch
 from draglag.simulation.kinematics import Kinematics
+from draglag.simulation.rig import rig_for_screen
 
 SIZE_S = 0.012
 CHANGE_MM_S2 = 120.0
@@ -98,6 +102,73 @@ def test_a_place_or_a_direction_is_no_filter_of_its_own() -> None:
         assert find_skips(gather(simulated(reason))) is None
     assert find_skips(gather(sound_sessions.demo())) is None
     assert find_skips(gather(simulated(coming_and_going(0.3, seed=1)))) is not None
+
+
+@dataclass(frozen=True)
+class SlowPanel:
+    """Runs of 240 mm/s and more of a 60 Hz panel whose filter switches ten times a second; its stretches from–to."""
+
+    runs: tuple[RunData, ...]
+    times_s: tuple[float, ...]
+    skips: Skips
+
+
+@pytest.fixture(scope="module")
+def slow_panel() -> SlowPanel:
+    slow = replace(rig_for_screen("screen-1"), touch_rate_hz=60.0)
+    switching = coming_and_going(0.1, seed=1)
+    runs = gather(simulate_session(slow, load_protocol("demo"), effects=[switching], seed=5))
+    skips = find_skips(runs)
+    assert skips is not None
+    return SlowPanel(runs, switching.theta[2:], skips)
+
+
+def fast(runs: tuple[RunData, ...]) -> list[RunData]:
+    return [data for data in runs if (data.run.nominal_speed_mm_s or 0.0) >= 240]
+
+
+def test_skips_between_few_events_show_which_filter_is_used(slow_panel: SlowPanel) -> None:
+    first_s = min(float(data.t_s[0]) for data in slow_panel.runs)
+    for data in fast(slow_panel.runs):
+        at_s = np.arange(data.t_s[0] + 1, data.t_s[-1] - 1, 0.002)
+        found = within(tuple(slow_panel.skips.times_s), at_s - first_s)
+        assert data.estimate is not None
+        assert data.estimate.latency_s is not None
+        # What the trace shows is a latency older; of a stretch of 100 ms, half an event at either end is not known.
+        earlier_s = data.estimate.latency_s - SIZE_S * found.mean()
+        assert np.mean(found == within(slow_panel.times_s, at_s - earlier_s)) > 0.9
+
+
+def test_what_skips_were_is_no_noise_of_the_events_once_they_are_undone(slow_panel: SlowPanel) -> None:
+    quiet_mm = min(data.noise_mm for data in slow_panel.runs)
+    freed = undone(slow_panel.runs, [Lateness(slow_panel.skips.size_s, tuple(slow_panel.skips.times_s))])
+    for shown, free in zip(fast(slow_panel.runs), fast(freed), strict=True):
+        assert shown.noise_mm > 2 * quiet_mm
+        assert free.noise_mm < 0.75 * shown.noise_mm
+
+
+def test_held_positions_with_lost_frames_are_no_second_filter() -> None:
+    held = simulated(parse_effect("sample_hold=80"), parse_effect("frame_drop=0.15"))
+    assert find_skips(gather(held)) is None
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Edges of one run or two, as far as a switch is about."""
+
+    since_start_s: FloatArray
+    run: IntArray
+
+    def __len__(self) -> int:
+        return self.run.size
+
+
+def test_a_switch_between_two_edges_leaves_those_unsure_that_it_may_be_near() -> None:
+    edges = Edges(np.array([0.0, 1.0, 2.0, 2.1, 9.0]), np.array([0, 0, 0, 0, 1]))
+    unsure = near_switch(edges, Setting(0.0, By.TIME, (1.5, 5.0)), SIZE_S)  # type: ignore[arg-type]
+    # Anywhere between 1 and 2 s; the end at 5 s lies between two runs, and is of neither.
+    late = NEAR_SWITCH_S - 0.1  # what of the second before 2 s the edge at 2.1 s still reaches
+    assert unsure == pytest.approx([0.0, NEAR_SWITCH_S, NEAR_SWITCH_S, late, 0.0])
 
 
 def test_events_are_freed_of_a_lateness_and_of_a_standstill() -> None:

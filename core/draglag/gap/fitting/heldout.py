@@ -65,12 +65,13 @@ def _spread(fit: Fit, design: FloatArray) -> FloatArray:
 
 
 def _counted(fit: Fit, edges: np.ndarray | None) -> np.ndarray:
-    counted: np.ndarray = folds(fit) != IN_EVERY_FIT
-    return counted if edges is None else counted & edges[fit.use]
+    held_out: np.ndarray = folds(fit) != IN_EVERY_FIT
+    counted = fit.counted if edges is None else edges & fit.known
+    return np.asarray(held_out & counted[fit.use])
 
 
 def gap_mm(fit: Fit, edges: np.ndarray | None = None) -> float:
-    """RMS residual on held-out runs. edges: mask over placed edges; None: all."""
+    """RMS residual on held-out runs, of edges whose state is known. edges: mask over placed edges; None: all."""
     return float(np.sqrt(np.mean(held_out_residual_mm(fit)[_counted(fit, edges)] ** 2)))
 
 
@@ -94,7 +95,7 @@ def _log_predictive(fit: Fit, edges: np.ndarray) -> float:
 
 def shrinks(before: Fit, after: Fit) -> bool:
     """Whether the held-out RMS falls by more than ``SHRINKS_BY``."""
-    both = before.use & after.use
+    both = before.counted & after.counted
     return gap_mm(after, both) < (1 - SHRINKS_BY) * gap_mm(before, both)
 
 
@@ -107,7 +108,7 @@ def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
 
 def grows(before: Fit, after: Fit) -> bool:
     """Whether the held-out mean square grows, at 95 %."""
-    both = before.use & after.use
+    both = before.counted & after.counted
     old, new = squares_by_run(before, both), squares_by_run(after, both)
     more_mm2 = np.array([new[run][0] - old[run][0] for run in old])
     return more_mm2.size > 1 and bool(more_mm2.sum() > Z95 * np.sqrt(more_mm2.size) * np.std(more_mm2, ddof=1))

@@ -14,7 +14,7 @@ from draglag.gap.fitting.likelihood import cost_without_nuisances, likeliest, li
 from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, scatter
 from draglag.gap.fitting.search import cost_relative_to
-from draglag.gap.fitting.state import State, Term, linearise, term_signature, usable
+from draglag.gap.fitting.state import State, Term, linearise, term_signature, unsure_mm, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.traces.dewarped import DewarpedKinematics
 from draglag.gap.traces.edges import Placed
@@ -33,7 +33,7 @@ class Fit:
     """Converged joint fit.
 
     use: mask over placed edges. residual_mm (m,), design (m, p), base then terms, view: of used edges. noises: grid of
-    run components; white: of the likeliest. only: mask of allowed edges; None: all.
+    run components; white: of the likeliest. known: mask over placed edges whose state no term leaves unsure.
     """
 
     runs: tuple[RunData, ...]
@@ -52,7 +52,12 @@ class Fit:
     log_likelihood: float
     width_mm: float
     blur_mm: FloatArray
-    only: np.ndarray | None = None
+    known: np.ndarray
+
+    @property
+    def counted(self) -> np.ndarray:
+        """Mask over placed edges by which the gap is measured."""
+        return np.asarray(self.use & self.known)
 
     @property
     def run_index(self) -> np.ndarray:
@@ -83,19 +88,16 @@ def fit_session(
     plateau: bool = False,
     start: Fit | None = None,
     law: LawParameters | None = None,
-    only: np.ndarray | None = None,
 ) -> Fit:
     """Joint fit of law, beam and terms.
 
     start: smaller model, which gives edges, for comparison, and first sizes. law: initial; None: from the runs'
-    latencies. only: mask of allowed edges.
+    latencies.
 
     Raises EstimateError if the session cannot carry the law.
     """
     width_mm = session.screen.width_mm
     runs, terms = _on_their_traces(runs, terms)
-    if start is not None and start.only is not None:  # what the smaller model could not judge by, this one cannot
-        only = start.only if only is None else only & start.only
     less = None
     if start is not None and terms:
         less, sizes = _first_sizes(start, terms)
@@ -106,7 +108,6 @@ def fit_session(
     geometry = _first_geometry(session, runs)
     states = [_begun(runs, begin, geometry, terms, width_mm) for begin in laws]
     use = usable(states[0], runs, loose=True) if start is None else start.use.copy()
-    use = use if only is None else use & only
     if not use.any():
         raise EstimateError(message("{session}: no edge can be placed on the trace", session=session.name), UNUSABLE)
     search = Search.at(runs, states[0], use, START)
@@ -114,11 +115,11 @@ def fit_session(
         cost, strayed = cost_relative_to(search.white, other, search.state, use)
         if cost < cost_without_nuisances(search.white, search.state, use):
             search = Search.at(runs, other, use & ~strayed, START)
-    fit = _concluded(runs, descended(session, runs, search, start is not None), start, only, width_mm)
+    fit = _concluded(runs, descended(session, runs, search, start is not None), start, width_mm)
     if start is None or not _should_contain(fit, start):
         return fit
     search = Search.at(runs, _begun(runs, start.law, start.geometry, terms, width_mm), use, start.white.components)
-    again = _concluded(runs, descended(session, runs, search, True), start, only, width_mm)
+    again = _concluded(runs, descended(session, runs, search, True), start, width_mm)
     return again if gained_nats(fit, again) > 0 else fit
 
 
@@ -146,9 +147,7 @@ def _begun(
     return state
 
 
-def _concluded(
-    runs: tuple[RunData, ...], search: Search, start: Fit | None, only: np.ndarray | None, width_mm: float
-) -> Fit:
+def _concluded(runs: tuple[RunData, ...], search: Search, start: Fit | None, width_mm: float) -> Fit:
     state, components = search.state, search.components
     use = search.use & (usable(state, runs, loose=False) if start is None else state.placed.ok)
     parts = scatter(runs, state.placed, use, state.blur_mm)
@@ -181,7 +180,7 @@ def _concluded(
         log_likelihood=float(values[best]),
         width_mm=width_mm,
         blur_mm=state.blur_mm,
-        only=only,
+        known=sum((unsure_mm(term, state.placed) for term in state.terms), np.zeros(len(state.placed))) == 0,
     )
 
 

@@ -87,7 +87,7 @@ class Scatter:
     """Covariance of used edges (m,) per unit component; bands (b, m): row j holds edges i and i + j of one run.
 
     fixed_mm2: touch noise, time of the speed, acceleration. late_mm_s, uneven_mm: (m,) by latency and uneven following.
-    loose_s: (runs,) misfit allowed to runs of changing speed. t_s: (m,) of edges.
+    loose_s: (runs,) misfit allowed to runs of changing speed, and of a state unsure all along. t_s: (m,) of edges.
     """
 
     fixed_mm2: FloatArray
@@ -136,6 +136,8 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
         uneven_mm[own] = follows[own] * (speed[own] - speed[own].mean())
         if not data.steady:
             loose_s[k] = UNSTEADY * float(np.std(placed.latency_s[use][own]))
+    if placed.unsure_s is not None:
+        loose_s = np.hypot(loose_s, placed.unsure_s)
     near = Neighbours.within(SPEED_MEMORY_S, t_s, run)
     fixed = placed.touch_noise.band_mm2(use, near.later.shape[0])
     fixed[0] += timing_mm(placed)[use] ** 2 + NUGGET_MM2

@@ -29,7 +29,7 @@ def parameters_of(effect: str, fit: Fit, misfit_sd: FloatArray | None = None) ->
 
 
 def whole_size_mm(fit: Fit, effect: str) -> float | None:
-    """RMS shift of all placed edges to first order, those left open included; None if not in the fit."""
+    """RMS shift of all placed edges to first order; None if not in the fit."""
     column, placed = column_of(effect), fit.placed
     view = view_with_terms(placed, fit.law, fit.geometry, fit.terms, fit.width_mm)
     for term in fit.terms:

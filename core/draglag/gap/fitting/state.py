@@ -98,6 +98,9 @@ def linearise(
         for t, s, c in zip(terms, signatures, columns, strict=True)
     )
     blur = _blur_mm(settled, columns, view, placed)
+    unsure_s = _unsure_runs_s(settled, placed, len(runs))
+    if unsure_s.any():
+        placed = replace(placed, unsure_s=unsure_s)
     return State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur, stale)
 
 
@@ -113,10 +116,30 @@ def _speed_delay(terms: Sequence[Term]) -> SpeedDelay:
     return shares[0] if shares else (0.0, sum(delay_s for _, delay_s in delays))
 
 
+def unsure_mm(term: Term, placed: Placed) -> FloatArray:
+    """Standard deviation of each edge, (m,), by a state that the term does not know."""
+    each = np.broadcast_to(effect_class(term.effect).unsure_mm(term, placed), len(placed))
+    return np.asarray(np.nan_to_num(each))
+
+
+def _unsure_runs_s(terms: Sequence[Term], placed: Placed, runs: int) -> FloatArray:
+    """Standard deviation of the latency of runs most of whose edges are unsure, (runs,): these are unsure alike."""
+    out = np.zeros(runs)
+    for term in terms:
+        unsure = unsure_mm(term, placed)
+        lever = np.maximum(np.abs(placed.v_mm_s[:, 1] * placed.stretch), 1.0)
+        for k in np.unique(placed.run[unsure > 0]):
+            own = (placed.run == k) & placed.ok
+            if own.any() and np.median(unsure[own]) > 0:
+                out[k] = np.hypot(out[k], np.median(unsure[own] / lever[own]))
+    return out
+
+
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
-    """Error by columns known to a share only."""
+    """Error by columns known to a share only, and by effects whose state at an edge is unsure."""
     blur = np.zeros(view.x_mm.size)
     for term, column in zip(terms, columns, strict=True):
+        blur = np.hypot(blur, unsure_mm(term, placed))
         share = effect_class(term.effect).unsure_share
         if not share:
             continue

@@ -111,13 +111,7 @@ def _explored(
         fits |= found
         refuted = {(names, fewer) for names, fewer in refuted if names not in found} | _refuted(fits, found)
         pool = compare(list(fits.values()), without=barred, before=pool, refuted=refuted)
-    return Judgement(_on_all_edges(fits, pool, partial(compare, without=barred, refuted=refuted)), fits)
-
-
-def _on_all_edges(fits: dict[Names, Fit], pool: Pool, compare: Callable[..., Pool]) -> Pool:
-    """Explanations compared again with the edges that only a refuted one left open."""
-    whole = [fit for names, fit in fits.items() if fit.only is None or set(names) <= set(pool.best)]
-    return pool if len(whole) == len(fits) else compare(whole, before=pool)
+    return Judgement(pool, fits)
 
 
 def _refuted(fits: dict[Names, Fit], new: Collection[Names]) -> set[tuple[Names, Names]]:

@@ -14,7 +14,6 @@ from draglag.gap.fitting.joint import Fit, effects_in, effects_in_law
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.fitting.noise import Components
 from draglag.gap.posterior.law_shape import falling_share
-from draglag.gap.posterior.left_out import freedom_nats
 from draglag.gap.posterior.levels import is_sound
 from draglag.gap.posterior.linear import Linear, likeliest_levels, linearised, normal
 from draglag.gap.posterior.members import UNNAMED
@@ -116,8 +115,8 @@ def compared(
     found: dict[Names, Found] = {}
     searches = tuple(_searched(linear, tuple(levels), without, most, made) for linear in linears)
     for search in searches:
-        open_nats, own = freedom_nats(search.linear.fit, fits[0]), set(effects_in(search.linear.fit))
-        for names, one in _by_names(search, open_nats).items():
+        own = set(effects_in(search.linear.fit))
+        for names, one in _by_names(search).items():
             if any(set(names).issuperset(whole) and not own.issuperset(part) for whole, part in refuted):
                 continue
             if names not in found or one.log_mass > found[names].log_mass:
@@ -176,12 +175,12 @@ def _own_best(search: Search) -> Explanation | None:
     return max(own, key=lambda e: e.log_mass, default=None)
 
 
-def _by_names(search: Search, open_nats: float = 0.0) -> dict[Names, Found]:
-    """Masses summed over settings. open_nats: penalty for open edges."""
+def _by_names(search: Search) -> dict[Names, Found]:
+    """Masses summed over settings."""
     fit = search.linear.fit
     inside = set(effects_in(fit))
     of_law = effects_in_law(fit)
-    prior = len(of_law) * float(np.log(constants.P_EFFECT)) - open_nats
+    prior = len(of_law) * float(np.log(constants.P_EFFECT))
     falls = _falling(search)
     masses: dict[Names, float] = {}
     best: dict[Names, Explanation] = {}

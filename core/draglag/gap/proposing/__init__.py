@@ -1,1 +1,1 @@
-"""Proposals to the posterior, asked of each effect's home: refits, what traces and edges show, edges left open."""
+"""Proposals to the posterior, asked of each effect's home: refits, what traces and edges show."""

@@ -18,11 +18,10 @@ def refit(
     before: Fit,
     terms: Sequence[Term],
     law: LawParameters | None = None,
-    only: np.ndarray | None = None,
 ) -> Fit | None:
-    """Refit on the edges of ``before``. law: initial; only: allowed edges."""
+    """Refit on the edges of ``before``. law: initial."""
     law = before.law if law is None else law
     try:
-        return fit_session(session, before.runs, terms, law.plateau_mm_s > 0, before, law, only)
+        return fit_session(session, before.runs, terms, law.plateau_mm_s > 0, before, law)
     except (EstimateError, np.linalg.LinAlgError, FloatingPointError, ValueError):
         return None

@@ -36,6 +36,7 @@ class Placed:
     + L. accel_mm_s2: along the motion, in own time; accel_apart_mm_s2: with errors independent of the position's.
     turn_rad_s: of the direction, uneven_mm_s: speed less the run's mean; 0 unless steady. slope_s2_mm: L′. stretch:
     shift per added latency, 1 / (1 − L′ v̇). position_at_s, speed_at_s: times of the fits on ``traces``.
+    unsure_s: (runs,) standard deviation of a latency by a state unsure all run long; None: none.
     """
 
     run: IntArray
@@ -61,6 +62,7 @@ class Placed:
     speed_at_s: FloatArray
     traces: Traces
     trace: DewarpedKinematics
+    unsure_s: FloatArray | None = None
 
     def __len__(self) -> int:
         return int(self.t_s.size)

@@ -107,6 +107,11 @@ class InFits:
         return np.array(term.sizes)
 
     @classmethod
+    def unsure_mm(cls, term: Term, placed: Placed) -> FloatArray | float:
+        """Standard deviation of edges (m,) whose state the term does not know."""
+        return 0.0
+
+    @classmethod
     def size_sd(cls, found: FittedTerm) -> float:
         """Standard deviation of the first size, with what more edges do not reduce."""
         return float(found.se[0])

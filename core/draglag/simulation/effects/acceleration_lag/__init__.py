@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -14,9 +14,14 @@ from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
+if TYPE_CHECKING:
+    from draglag.gap.fitting.state import Term
+    from draglag.gap.traces.edges import Placed
+
 LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5, 3e-5)  # sizes to begin from
 # Standard deviation of the window over which a panel's tracker may smooth the speed that it takes the acceleration of.
 WINDOWS_S = (0.05, 0.03, 0.07)
+END_S = 0.3  # of a trace: three times what an acceleration behind it remembers
 ACCEL_UNKNOWN = 0.2  # share of a speed's change: how smooth it is taken for, no number of edges averages away
 
 
@@ -64,6 +69,18 @@ class AccelerationLag(Effect):
     @classmethod
     def size_sd(cls, found: FittedTerm) -> float:
         return float(np.hypot(found.se[0], ACCEL_UNKNOWN * abs(found.sizes[0])))
+
+    @classmethod
+    def unsure_mm(cls, term: Term, placed: Placed) -> FloatArray:
+        """What the run's typical acceleration moves an edge by, (m,), at a trace's ends."""
+        at_s = placed.t_s + placed.latency_s
+        ends_s = np.array([(data.t_s[0], data.t_s[-1]) for data in placed.traces.runs])[placed.run]
+        at_end = ~((at_s > ends_s[:, 0] + END_S) & (at_s < ends_s[:, 1] - END_S))
+        square = np.where(np.isfinite(placed.accel_apart_mm_s2), placed.accel_apart_mm_s2, 0.0) ** 2
+        edges = np.maximum(np.bincount(placed.run), 1)
+        typical_mm_s2 = np.sqrt(np.bincount(placed.run, square) / edges)[placed.run]
+        lever_mm_s = np.abs(placed.v_mm_s[:, 1] * placed.stretch)
+        return np.asarray(np.where(at_end, abs(term.sizes[0]) * typical_mm_s2 * lever_mm_s, 0.0))
 
     @classmethod
     def view_with(cls, theta: Theta, view: View) -> View:

@@ -16,6 +16,7 @@ from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.second_filter_mode.lateness import Lateness
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting
 from draglag.simulation.effects.second_filter_mode.skips import threshold_of_change
+from draglag.simulation.effects.second_filter_mode.unsure import near_switch
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
@@ -85,6 +86,16 @@ class SecondFilterMode(Effect):
     def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:
         setting = Setting.of(term.theta)
         return np.array(term.sizes) + (setting.above if setting is not None and setting.shown else 0.0)
+
+    @classmethod
+    def unsure_mm(cls, term: Term, placed: Placed) -> FloatArray | float:
+        """Of a position that lies anywhere between both filters', where it is unsure which is used."""
+        setting = Setting.of(term.theta)
+        if setting is None:
+            return 0.0
+        size_s = setting.above if setting.shown else term.sizes[0]
+        apart_mm = np.abs(size_s * placed.v_mm_s[:, 1] * placed.stretch)
+        return np.asarray(apart_mm * np.sqrt(near_switch(placed, setting, size_s) / 3))
 
     @classmethod
     def size_sd(cls, found: FittedTerm) -> float:

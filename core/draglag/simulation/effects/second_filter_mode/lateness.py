@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from draglag.path.motion import best_half_width_s
 from draglag.recording import FloatArray
 from draglag.simulation.effects.in_fits import UndoneTrace
 
@@ -26,7 +27,11 @@ class Lateness:
 
     def undo(self, trace: UndoneTrace, shown: RunData, first_s: float) -> UndoneTrace:
         t_s, xy_mm = without_lateness(trace.t_s, trace.xy_mm, self.size_s, first_s + np.array(self.times_s))
-        return replace(trace, t_s=t_s, xy_mm=xy_mm)
+        if t_s.size < 2:
+            return replace(trace, t_s=t_s, xy_mm=xy_mm)
+        # What the skips were is noise no longer.
+        noise_mm = best_half_width_s(t_s, xy_mm[:, 1:], shown.edge_t_s + shown.guess_s)[1]
+        return replace(trace, t_s=t_s, xy_mm=xy_mm, noise_mm=min(trace.noise_mm, noise_mm))
 
 
 def without_lateness(

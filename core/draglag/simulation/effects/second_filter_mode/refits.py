@@ -12,22 +12,17 @@ from draglag.gap.fitting.joint import Fit, latency_of_terms, most_promising
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
-from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import as_shown
-from draglag.recording import FloatArray, Session
+from draglag.recording import Session
 from draglag.simulation.effects.second_filter_mode import SecondFilterMode
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting
 from draglag.simulation.effects.second_filter_mode.skips import Skips, find_skips
 from draglag.simulation.effects.second_filter_mode.stepped import Step, find_step
 from draglag.simulation.effects.second_filter_mode.switching import (
-    LEAST_EDGES,
     Switching,
-    away,
     find_switching,
-    later_of,
     law_from_levels,
     misassigned_s,
-    of_neither,
     refine_times,
 )
 
@@ -43,6 +38,8 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     switching = find_switching(before)
     step = find_step(before.runs, latency_of_terms(before)) if before.law.plateau_mm_s <= 0 else None
     setting = Setting.of(theta)
+    if skips is not None and skips.above_mm_s is not None:
+        setting, skips = skips.setting, None
     out = []
     if step is not None or (setting is not None and setting.by is By.SPEED):
         # Eq. 5 bends about a step, or its bend about a step passes for a form of its own: with either of them.
@@ -64,28 +61,6 @@ def shown_by_edges(before: Fit) -> bool:
     return (found is not None and found.gain > 0) or find_skips(as_shown(before.runs)) is not None
 
 
-def judged(placed: Placed, term: Term) -> np.ndarray:
-    """Edges (m,) away from switches."""
-    return away(placed, _setting(term), term.sizes[0] if term.sizes else 0.0)
-
-
-def open_mm(placed: Placed, term: Term) -> FloatArray:
-    """Distance between the two filters' positions, (m,)."""
-    setting = _setting(term)
-    size_s = abs(setting.above if setting.shown else term.sizes[0])
-    return np.asarray(size_s * np.abs(placed.v_mm_s[:, 1] * placed.stretch))
-
-
-def without_mixed(session: Session, first: Fit, fit: Fit) -> Fit:
-    """Fit without edges that show a mean of both filters."""
-    mode = next(t for t in fit.terms if t.effect == OWN)
-    mixed = of_neither(fit, _setting(mode))
-    if not mixed.any():
-        return fit
-    only = judged(first.placed, mode) & ~mixed
-    return refit(session, first, fit.terms, fit.law, only) or fit
-
-
 def _above_a_speed(
     session: Session, before: Fit, setting: Setting | None, step: Step | None, law: LawParameters
 ) -> Fit | None:
@@ -98,15 +73,14 @@ def _above_a_speed(
         speeds, size_s = [*speeds, *step.thresholds_mm_s()], step.size_s
     options = [[*before.terms, Term(OWN, Setting(float(v), By.SPEED).theta, (size_s,))] for v in speeds]
     terms = most_promising(before, options, law)
-    return refit(session, before, terms, law, away(before.placed, _setting(terms[-1]), size_s))
+    return refit(session, before, terms, law)
 
 
 def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
     """By times, in turn with the law."""
     fit, law, setting, size_s = None, None, switching.setting, switching.size_s
     for _ in range(ROUNDS):
-        only = away(before.placed, setting, size_s)
-        fit = refit(session, before, [*before.terms, Term(OWN, setting.theta, (size_s,))], law, only)
+        fit = refit(session, before, [*before.terms, Term(OWN, setting.theta, (size_s,))], law)
         if fit is None:
             return None
         size_s, last = fit.terms[-1].sizes[0], setting
@@ -115,19 +89,15 @@ def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None
             break
         with contextlib.suppress(EstimateError):
             law = law_from_levels(fit, before.law.plateau_mm_s > 0)
-    return None if fit is None else without_mixed(session, before, fit)
+    return fit
 
 
 def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
     """Refit of traces freed of it until little lateness remains."""
     fit, setting = None, skips.setting
     for _ in range(ROUNDS):
-        law, last = (None, before) if fit is None else (fit.law, fit)
-        only = away(last.placed, setting, setting.above)
-        later = later_of(last.placed, setting)
-        if np.count_nonzero(only & later & before.use) < LEAST_EDGES:
-            only &= ~later  # the lateness is what skips show
-        found = refit(session, before, [*before.terms, Term(OWN, setting.theta, (0.0,))], law, only)
+        law = None if fit is None else fit.law
+        found = refit(session, before, [*before.terms, Term(OWN, setting.theta, (0.0,))], law)
         if found is None:
             return fit
         fit, left_s, mistaken = found, found.terms[-1].sizes[0], misassigned_s(found, setting)
@@ -137,10 +107,3 @@ def _skipping(session: Session, before: Fit, skips: Skips) -> Fit | None:
         late_s = setting.above if mistaken else setting.above + left_s
         setting = replace(setting, above=late_s, times_s=tuple(sorted((*setting.times_s, *mistaken))))
     return fit
-
-
-def _setting(term: Term) -> Setting:
-    setting = Setting.of(term.theta)
-    if setting is None:
-        raise ValueError("a second filter without a setting is not judged")
-    return setting

@@ -12,6 +12,7 @@ import numpy as np
 
 from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray
+from draglag.simulation.effects.second_filter_mode.lateness import without_lateness
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, stack_runs, track_histories
 
@@ -24,11 +25,14 @@ LEAST_SKIP_S, SURE = 0.003, 6.0  # and robust deviations of the run's own steps
 OF_AN_INTERVAL = 0.5  # more or less, frames were lost or held back, not the stylus
 FEWEST = 12  # skips, and half as many standstills
 UNSTEADY_MM2_S3 = np.geomspace(1e3, 1e6, 4)  # power of a hand's random acceleration
-LEAST_EACH = 8.0  # log-likelihood for each switch of a run; what a tremor makes up comes to 2 to 5
-LEAST_GAIN = 1000.0  # of all runs; other effects come to some 200
+LEAST_EACH = 4.0  # log-likelihood for each switch of a run; what a tremor makes up comes to 2 to 5
+LEAST_OF_A_RUN = 50.0  # of a run: one that stays late gains up to 35 where nothing switches
+QUIETER = 0.25  # of the runs
+UNDISTURBED = 0.2  # of a run's events, at least, come after no skip
+LEAST_GAIN = 1000.0  # of all runs, at their likeliest noises; held positions with lost frames come to some 300
 DIRECTIONS = np.pi / 4 * np.arange(4)
 GRID_S, PANELS_S = 0.005, 0.05  # a panel's own smoothing of a speed, about
-MIN_ACCURACY = 0.85  # balanced accuracy with which a threshold of the speed's change separates both states
+MIN_ACCURACY = 0.85  # balanced accuracy with which a threshold of the speed, or of its change, separates both states
 ALIKE = 0.2  # of a run's events by place, direction or speed, or of its time, within which lie …
 # … so many of its switches: those are no filter's. Of the trace's skips as they are it is more: of generated filters
 # 0.59 to 0.79, of split panels, asymmetries and slow runs' noise 0.84 to 1. By time, of generated filters 0.24 to 0.35,
@@ -38,42 +42,68 @@ MOSTLY_ALIKE, NEARLY_ALL = 0.6, 0.85
 
 @dataclass(frozen=True)
 class Skips:
-    """Lateness; (2 k,) its stretches from–to in session time, as the trace without it shows; gain in log-likelihood."""
+    """Lateness; (2 k,) its stretches from–to in session time, as the trace without it shows; gain in log-likelihood.
+
+    above_mm_s: the speed that switches it, if one does.
+    """
 
     size_s: float
     times_s: FloatArray
     gain: float
+    above_mm_s: float | None
 
     @property
     def setting(self) -> Setting:
-        """Setting of the term."""
+        """Setting of the term: most runs lie on one side of a speed that switches, and show no switch."""
+        if self.above_mm_s is not None:
+            return Setting(self.above_mm_s, By.SPEED)
         return Setting(self.size_s, By.TIME_SHOWN, tuple(self.times_s.tolist()))
 
 
 @lru_cache(maxsize=1)
 def find_skips(all_runs: tuple[RunData, ...]) -> Skips | None:
-    """Two levels of lateness in runs as shown; None if one suffices, or place, direction or speed switches them."""
+    """Two levels of lateness in runs as shown; None if one suffices, or place or direction switches them."""
     runs = [data for data in all_runs if data.t_s.size > 10 * QUICKER]
     skip_s = _typical_skip_s([data for data in runs if data.keeps_moving])
     if skip_s is None:
         return None
-    tracks = stack_runs(runs)
-    each = np.broadcast_to(UNSTEADY_MM2_S3, (len(runs), UNSTEADY_MM2_S3.size))
-    plain, _, left = track_histories(tracks, 0.0, each, FAR, 1)
-    best = np.argmin(np.abs(np.log(_medians(left, tracks.live) / (2 * np.log(2)))), axis=1)
-    own = UNSTEADY_MM2_S3[best][:, None]
-    likely, states, _ = track_histories(tracks, skip_s, own, SWITCH, HISTORIES)
-    gains = likely[:, 0] - plain[np.arange(len(runs)), best]
-    switches = np.count_nonzero(np.diff(states[..., 0], axis=0), axis=0)
-    sure = gains > LEAST_EACH * np.maximum(switches, 1)
-    later = [states[: data.t_s.size, k, 0] & sure[k] for k, data in enumerate(runs)]
-    if np.sum(gains[sure & (switches > 0)]) < LEAST_GAIN:
+    gains, ratios, states = _likelier_histories(runs, skip_s)
+    if np.sum(np.maximum(ratios, 0.0)) < LEAST_GAIN:
         return None
+    switches = np.count_nonzero(np.diff(states, axis=0), axis=0)
+    shown = (switches > 0) & (gains > LEAST_OF_A_RUN + LEAST_EACH * switches)
+    if not shown.any():
+        return None
+    later = [states[: data.t_s.size, k] & shown[k] for k, data in enumerate(runs)]
     if _alike(runs, [np.flatnonzero(np.diff(on)) + 1 for on in later], gains) > MOSTLY_ALIKE:
         return None
     first_s = min(float(data.t_s[0]) for data in runs)
-    times = [_stretches(data.t_s - first_s, on, skip_s) for data, on in zip(runs, later, strict=True)]
-    return Skips(skip_s, np.sort(np.concatenate(times)), float(np.sum(gains[sure])))
+    each = [_stretches(data.t_s - first_s, on, skip_s) for data, on in zip(runs, later, strict=True)]
+    times_s = np.sort(np.concatenate(each))
+    switching = [data for data, own in zip(runs, shown, strict=True) if own and data.keeps_moving]
+    freed = [without_lateness(data.t_s, data.xy_mm, skip_s, first_s + times_s) for data in switching]
+    speeds = [(speed, within(tuple(times_s), at_s - first_s)) for at_s, speed in map(_speeds, freed)]
+    above_mm_s, accuracy = _separated(speeds)
+    by_speed = above_mm_s if accuracy > MIN_ACCURACY else None
+    return Skips(skip_s, times_s, float(np.sum(gains[shown])), by_speed)
+
+
+def _likelier_histories(runs: Sequence[RunData], skip_s: float) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """Log-likelihood gained over one level of lateness, (runs,), at one noise and hand, and at each level's own
+    likeliest; states (n, runs)."""
+    tracks = stack_runs(runs)
+    # Where the stylus is fast, skips themselves pass for noise: that of the quieter runs is tried, too.
+    own_mm = np.array([data.noise_mm for data in runs])
+    noise_mm = np.column_stack([own_mm, np.minimum(own_mm, np.quantile(own_mm, QUIETER))])
+    shape = (*noise_mm.shape, UNSTEADY_MM2_S3.size)
+    each_mm, hand = (np.broadcast_to(a, shape).reshape(len(runs), -1) for a in (noise_mm[..., None], UNSTEADY_MM2_S3))
+    plain, _, left = track_histories(tracks, 0.0, each_mm, hand, FAR, 1)
+    off = np.abs(np.log(_low_quantiles(left, tracks.live) / -np.log(1 - UNDISTURBED))).reshape(shape)
+    best = np.argmin(off, axis=2)
+    likely, states, _ = track_histories(tracks, skip_s, noise_mm, UNSTEADY_MM2_S3[best], SWITCH, HISTORIES)
+    gains = likely - np.take_along_axis(plain.reshape(shape), best[..., None], axis=2)[..., 0]
+    run, pick = np.arange(len(runs)), np.argmax(gains, axis=1)
+    return gains[run, pick], likely.max(axis=1) - plain.max(axis=1), states[:, run, pick]
 
 
 @lru_cache(maxsize=4)
@@ -81,22 +111,39 @@ def threshold_of_change(runs: tuple[RunData, ...], times_s: tuple[float, ...]) -
     """Acceleration threshold, mm/s², that separates the filter's stretches, if any. runs: with the lateness undone."""
     from scipy.ndimage import gaussian_filter1d
 
-    changes, states = [], []
     first_s = min(float(data.t_s[0]) for data in runs)
+    each = []
     for data in runs:
         if data.keeps_moving:
-            at_s = np.arange(data.t_s[0], data.t_s[-1], GRID_S)
-            fit = local_fit(data.t_s, data.xy_mm, at_s, PANELS_S)
-            if np.count_nonzero(fit.ok) > 1:
-                speed = np.interp(at_s, at_s[fit.ok], fit.speed_mm_s[fit.ok])
-                changes.append(np.abs(np.gradient(gaussian_filter1d(speed, PANELS_S / GRID_S), GRID_S)))
-                states.append(within(times_s, at_s - first_s))
-    change, later = np.concatenate(changes), np.concatenate(states)
-    order = np.argsort(change)
-    on = later[order]
-    separation = np.cumsum(~on) / max(np.count_nonzero(~on), 1) - np.cumsum(on) / max(np.count_nonzero(on), 1)
+            at_s, speed = _speeds((data.t_s, data.xy_mm))
+            if not at_s.size:
+                continue
+            change = np.abs(np.gradient(gaussian_filter1d(speed, PANELS_S / GRID_S), GRID_S))
+            each.append((change, within(times_s, at_s - first_s)))
+    threshold, accuracy = _separated(each)
+    return threshold if accuracy > MIN_ACCURACY else None
+
+
+def _speeds(events: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Times and speeds (g,) of a trace; none if too few events have one."""
+    at_s = np.arange(events[0][0], events[0][-1], GRID_S)
+    fit = local_fit(*events, at_s, PANELS_S)
+    if np.count_nonzero(fit.ok) < 2:
+        return np.empty(0), np.empty(0)
+    return at_s, np.interp(at_s, at_s[fit.ok], fit.speed_mm_s[fit.ok])
+
+
+def _separated(each: Sequence[tuple[FloatArray, np.ndarray]]) -> tuple[float, float]:
+    """Threshold above which a state is taken for the later one, and the balanced accuracy. each: values and states."""
+    values, states = (np.concatenate(arrays) for arrays in zip(*each, strict=True)) if each else np.empty((2, 0))
+    if values.size == 0:
+        return 0.0, 0.0
+    order = np.argsort(values)
+    on = states[order]
+    off = np.logical_not(on)
+    separation = np.cumsum(off) / max(np.count_nonzero(off), 1) - np.cumsum(on) / max(np.count_nonzero(on), 1)
     best = int(np.argmax(separation))
-    return float(change[order[best]]) if 0.5 + 0.5 * separation[best] > MIN_ACCURACY else None
+    return float(values[order[best]]), float(0.5 + 0.5 * separation[best])
 
 
 def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
@@ -116,17 +163,19 @@ def _typical_skip_s(runs: Sequence[RunData]) -> float | None:
         still = int(np.count_nonzero(ahead_s < -least_s)) if np.count_nonzero(fast) >= QUICKER else 0
         at.append(np.flatnonzero(np.abs(ahead_s) > least_s) + 1 if still else np.empty(0, int))
         if still:
-            skips.append(ahead_s[ahead_s > least_s])
+            own = ahead_s[ahead_s > least_s]
+            skips.append(np.column_stack([own, np.full(own.size, least_s**-2.0)]))
             standstills += still
-    all_s = np.concatenate(skips) if skips else np.empty(0)
-    if all_s.size < FEWEST or standstills < FEWEST // 2 or _alike(runs, at, [one.size for one in at]) > NEARLY_ALL:
+    each = np.concatenate(skips) if skips else np.empty((0, 2))
+    if len(each) < FEWEST or standstills < FEWEST // 2 or _alike(runs, at, [one.size for one in at]) > NEARLY_ALL:
         return None
-    return float(np.median(all_s))
+    size_s, weight = each[np.argsort(each[:, 0])].T
+    return float(size_s[np.searchsorted(np.cumsum(weight), 0.5 * weight.sum())])  # the slower, the more is noise
 
 
-def _medians(values: FloatArray, live: np.ndarray) -> FloatArray:
-    """Medians over a run's events, (runs, g)."""
-    return np.array([np.median(values[live[1:, k], k], axis=0) for k in range(values.shape[1])])
+def _low_quantiles(values: FloatArray, live: np.ndarray) -> FloatArray:
+    """Quantile ``UNDISTURBED`` over a run's events, (runs, g)."""
+    return np.array([np.quantile(values[live[1:, k], k], UNDISTURBED, axis=0) for k in range(values.shape[1])])
 
 
 def _stretches(t_s: FloatArray, later: np.ndarray, size_s: float) -> FloatArray:

@@ -15,6 +15,7 @@ from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 from draglag.simulation.effects.second_filter_mode.skips import MOSTLY_ALIKE, largest_alike
+from draglag.simulation.effects.second_filter_mode.unsure import near_switch
 
 SIZES_S = np.geomspace(0.003, 0.04, 14)
 STARTS = (0.1, 0.35, 0.65, 0.9)  # quantiles of a run's latencies that its earlier level is looked for at
@@ -26,11 +27,6 @@ SLOWEST_MM_S = 25.0  # across the beam; slower, an edge does not constrain a lat
 LAW_SD_S = 2e-3  # how well the law of a fit with most of the states right is known
 LEVELS = 17
 FAR_S = 0.2
-NEAR_SWITCH_S = 0.15
-NEAR_SKIP_S = 0.01  # with the lateness undone in the trace
-A_PASS, LIES_OFF = 2, 4.0  # edges; standard deviations
-MOSTLY = 0.5
-UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no longer seen in it
 EACH_SWITCH = 10.0  # deviance that a switch costs: where it is, among the edges of its run
 LEAST_STAY_S = 3.0  # on average: shorter are stalls, or something that follows the path
 LEAST_RUNS = 0.5  # of those of steady speed have to have a switch: otherwise it follows the speed
@@ -124,18 +120,18 @@ def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
     later = later_of(placed, setting)
     late_s = late_s + fit.terms[-1].sizes[0] * later  # what is fitted of it may be the mistaken ones'
     if_mistaken_s = setting.above * (1.0 - 2.0 * later)
-    usable &= away(placed, setting, setting.above)
+    usable &= near_switch(placed, setting, setting.above) == 0
     out: list[tuple[float, float]] = []
     for k in range(len(fit.runs)):
         own = np.flatnonzero(usable & (placed.run == k))
         if own.size < LEAST_EDGES:
             continue
         own = own[np.argsort(at_s[own])]
-        stay = 0.5 * (1 + np.exp(-2 * np.diff(at_s[own]) / DWELL_S))
         off = [-0.5 * _square((late_s[own] - s) / sd_s[own])[None] for s in (0.0, if_mistaken_s[own])]
-        _, mistaken = _forward_backward(off[0], off[1], stay)
         saved = 2 * (off[1] - off[0])[0]
-        for begin_s, end_s in _spans(at_s[own], mistaken[0]):
+        stay = 0.5 * (1 + np.exp(-2 * np.diff(at_s[own]) / DWELL_S))
+        spans = _spans(at_s[own], _forward_backward(off[0], off[1], stay)[1][0])
+        for begin_s, end_s in spans:
             if np.sum(saved[(at_s[own] > begin_s) & (at_s[own] < end_s)]) > EACH_SWITCH:
                 out.append((begin_s, end_s))
     return tuple(np.array(out).ravel().tolist())
@@ -165,41 +161,6 @@ def _latencies(fit: Fit) -> tuple[Placed, FloatArray, FloatArray, np.ndarray]:
     with np.errstate(divide="ignore", invalid="ignore"):
         late_s, sd_s = left_mm / lever, np.sqrt(variance) / np.abs(lever)
     return placed, late_s, sd_s, usable & (np.abs(late_s) < FAR_S)
-
-
-def away(placed: Placed, setting: Setting, size_s: float) -> np.ndarray:
-    """Edges (m,) away from switches, where positions average both filters and speeds are wrong."""
-    if setting.by is By.SPEED:
-        unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
-        unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
-        informative = ~(np.abs(placed.speed_mm_s - setting.above) < unsure_mm_s)
-        # Of a run that is about the threshold all along, the few edges left are those whose speed was read wrong.
-        share = np.bincount(placed.run, informative) / np.maximum(np.bincount(placed.run), 1)
-        return np.asarray(informative & (share > MOSTLY)[placed.run])
-    times = np.array(setting.times_s)
-    at_s = placed.since_start_s + (placed.latency_s if setting.shown else 0.0)
-    after = np.clip(np.searchsorted(times, at_s), 1, times.size - 1)
-    nearest = np.column_stack([times[after - 1], times[after]])
-    near_s = NEAR_SKIP_S if setting.shown else NEAR_SWITCH_S
-    return np.asarray(np.abs(at_s[:, None] - nearest).min(axis=1) > near_s)
-
-
-def of_neither(fit: Fit, setting: Setting) -> np.ndarray:
-    """Outlying edges (m,) next to a switch."""
-    placed, late_s, _, usable = _latencies(fit)
-    out = np.zeros(len(placed), bool)
-    for k in range(len(fit.runs)):
-        own = np.flatnonzero(usable & (placed.run == k))
-        if own.size < LEAST_EDGES:
-            continue
-        own = own[np.argsort(placed.since_start_s[own])]
-        t, aside_s = placed.since_start_s[own], np.abs(late_s[own] - np.median(late_s[own]))
-        times = np.array([at_s for at_s in setting.times_s if t[0] < at_s < t[-1]])
-        at = np.searchsorted(t, times)[:, None] + np.arange(-A_PASS, A_PASS)
-        next_to = own[at[(at >= 0) & (at < own.size)]]
-        out[next_to] = True
-        out[own[aside_s < LIES_OFF * 1.4826 * np.median(aside_s)]] = False
-    return out
 
 
 def fit_lever(fit: Fit) -> FloatArray:

@@ -15,16 +15,17 @@ if TYPE_CHECKING:
 
 HISTORIES = 8  # three times as many give the same
 SWITCH = 5.0  # log-likelihood that a switch costs
-OUTLIER = 50.0  # squared standard deviations; beyond it an event moves no tracker, but for too many of them
+OUTLIER = 200.0  # squared standard deviations; beyond it an event moves no tracker, but for too many of them
 LOST = 4  # outliers in a row after which it restarts
 FAR = 1e9  # what no switch is worth
 TURN_S, FASTEST_TURN = 0.05, 60.0  # rad/s: 1 m/s on a circle of 17 mm
+STEADY = 31  # events over which a speed is the median: skips are fewer than half
 LEAST_WAY_MM = 1.5  # over which a direction is known
 
 
 @dataclass(frozen=True)
 class Tracks:
-    """Events of all runs, (n, runs): complex positions, turn rate (rad/s), turn and way to the next; noise (runs,)."""
+    """Events of all runs, (n, runs): complex positions, turn rate (rad/s), turn and way to the next."""
 
     t_s: FloatArray
     z_mm: np.ndarray
@@ -32,7 +33,6 @@ class Tracks:
     rate: FloatArray
     turn: np.ndarray
     way_s: np.ndarray
-    noise_mm2: FloatArray
 
 
 def stack_runs(runs: Sequence[RunData]) -> Tracks:
@@ -46,8 +46,7 @@ def stack_runs(runs: Sequence[RunData]) -> Tracks:
         t_s[m:, k], z_mm[m:, k] = data.t_s[-1], z_mm[m - 1, k]
         rate[:m, k] = _turn_rate(data.t_s, z_mm[:m, k])
     apart_s = np.minimum(np.diff(t_s, axis=0), 0.05)
-    noise_mm2 = np.array([data.noise_mm**2 for data in runs])
-    return Tracks(t_s, z_mm, live, rate, np.exp(1j * rate[1:] * apart_s), _way_s(rate[1:], apart_s), noise_mm2)
+    return Tracks(t_s, z_mm, live, rate, np.exp(1j * rate[1:] * apart_s), _way_s(rate[1:], apart_s))
 
 
 def _way_s(rate: FloatArray, apart_s: FloatArray | float) -> np.ndarray:
@@ -59,32 +58,41 @@ def _way_s(rate: FloatArray, apart_s: FloatArray | float) -> np.ndarray:
 
 def _turn_rate(t_s: FloatArray, z_mm: np.ndarray) -> FloatArray:
     """Turn rate, (n,) rad/s; 0 where unknown."""
+    from scipy.ndimage import median_filter
+
     first = np.searchsorted(t_s, t_s - TURN_S)
     last = np.minimum(np.searchsorted(t_s, t_s + TURN_S), t_s.size - 1)
     before, after = z_mm - z_mm[first], z_mm[last] - z_mm
     known = (np.abs(before) > LEAST_WAY_MM) & (np.abs(after) > LEAST_WAY_MM)
-    rate = np.angle(after * np.conj(before)) / np.maximum(0.5 * (t_s[last] - t_s[first]), 1e-3)
+    # The curvature is the path's, whatever the trace skips on it; the speed is that between two skips.
+    way_mm, apart_s = np.abs(np.diff(z_mm)), np.maximum(np.diff(t_s), 1e-4)
+    speed = median_filter(way_mm / apart_s, STEADY)
+    speed = np.append(speed, speed[-1])
+    rate = np.angle(after * np.conj(before)) / np.maximum(0.5 * (np.abs(before) + np.abs(after)), 1e-3) * speed
     summed = np.concatenate([[0.0], np.cumsum(np.where(known, rate.clip(-FASTEST_TURN, FASTEST_TURN), 0.0))])
     return np.asarray((summed[last + 1] - summed[first]) / (last + 1 - first))
 
 
 def track_histories(
-    tracks: Tracks, size_s: float, unsteady: FloatArray, switch: float, histories: int
+    tracks: Tracks, size_s: float, noise_mm: FloatArray, unsteady: FloatArray, switch: float, histories: int
 ) -> tuple[FloatArray, np.ndarray, FloatArray]:
     """Likeliest history: log-likelihood (runs, g), states (n, runs, g), squared innovations (n − 1, runs, g).
 
-    size_s: lateness. unsteady: (runs, g) power of a random acceleration, mm²/s³. switch: cost of one.
+    size_s: lateness. noise_mm: (runs, g) of one event. unsteady: (runs, g) power of a random acceleration, mm²/s³.
+    switch: cost of one.
     """
     n, runs = tracks.t_s.shape
     shape = runs, unsteady.shape[1], histories
-    gains = _tracker_gains(tracks, unsteady)
+    gains = _tracker_gains(tracks, noise_mm, unsteady)
     p = np.broadcast_to(tracks.z_mm[0][:, None, None], shape).astype(complex)
     shown = _shown_velocity(tracks)
     v = np.broadcast_to(shown[0][:, None, None], shape).astype(complex)
     late = np.zeros(shape, bool)
     late[..., 1:2] = True
+    p = np.where(late, p + v * _way_s(tracks.rate[0], size_s)[:, None, None], p)
+    # A run that stays in one state does not show which: the usual one.
     value = np.full(shape, -FAR)
-    value[..., :2] = 0.0
+    value[..., 0], value[..., 1:2] = 0.0, -switch
     lost = np.zeros(shape, int)
     parents, states = np.empty((n - 1, *shape), np.int8), np.empty((n - 1, *shape), bool)
     left = np.empty((n - 1, *shape[:2]))
@@ -115,7 +123,8 @@ def track_histories(
         v = np.where(restart, shown[i], v + np.where(out, 0.0, of_v[i]) * kept)
         lost = np.where(out & ~restart, lost + 1, 0)
         parents[i], states[i], left[i] = parent, late, square[..., 0]
-    return value[..., 0], _history(parents, states), left
+    spread = np.sum(np.log(gains[:, 2]) * tracks.live[1:, :, None], axis=0)
+    return value[..., 0] - 0.5 * spread, _history(parents, states), left
 
 
 def _shown_velocity(tracks: Tracks) -> np.ndarray:
@@ -127,9 +136,9 @@ def _shown_velocity(tracks: Tracks) -> np.ndarray:
     return np.asarray(mean * tracks.turn ** (LOST / 2))  # that of half as many events ago
 
 
-def _tracker_gains(tracks: Tracks, unsteady: FloatArray) -> FloatArray:
+def _tracker_gains(tracks: Tracks, noise_mm: FloatArray, unsteady: FloatArray) -> FloatArray:
     """Gains of position and velocity, variance of an innovation; (n − 1, 3, runs, g)."""
-    noise = np.broadcast_to(2 * tracks.noise_mm2[:, None], unsteady.shape)
+    noise = 2 * noise_mm**2
     power = 2 * unsteady
     pp, pv, vv = noise, np.zeros(unsteady.shape), np.full(unsteady.shape, 1e5)
     out = np.empty((tracks.t_s.shape[0] - 1, 3, *unsteady.shape))
