@@ -129,7 +129,7 @@ class Tolerated:
 
 @dataclass(frozen=True)
 class NoisePart:
-    """Part of the noise: ``touch`` or of ``fitting.noise.Components``; size_mm: RMS over edges."""
+    """Part of the noise: ``touch``, ``blur`` or of ``fitting.noise.Components``; size_mm: RMS over edges."""
 
     name: str
     level: float

@@ -30,6 +30,7 @@ FEWEST_STAMPS = 10  # for a rate
 LEAST_MISS_S = 5e-6  # smaller ones would be printed as 0.0 ms
 NOISE = {
     "touch": "touch noise",
+    "blur": "what an effect leaves unknown",
     "edge_mm": "single edges",
     "speed": "errors of the speed",
     "tremor_mm_s": "tremor",

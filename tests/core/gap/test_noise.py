@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.noise import Components, scatter
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
@@ -21,6 +22,17 @@ def fitted(screen: str, seed: int, *effects: str) -> Fit:
     protocol = demo.model_copy(update={"runs": runs, "taps": None})
     session = simulate_session(screen, protocol, effects=[parse_effect(e) for e in effects], seed=seed)
     return fit_session(session, gather(session), plateau=bool(effects))
+
+
+def test_what_an_effect_leaves_unknown_is_not_reported_as_noise_of_the_touch_events() -> None:
+    fit = fitted("screen-1", 0)
+    unsure_mm = np.where(np.arange(fit.use.size) % 5 == 0, 3.0, 0.0)
+    without, of_one_in_five = (
+        scatter(fit.runs, fit.placed, fit.use, blur).rms_mm(Components()) for blur in (0 * unsure_mm, unsure_mm)
+    )
+    assert of_one_in_five["touch"] == pytest.approx(without["touch"])
+    assert without["blur"] == 0
+    assert of_one_in_five["blur"] == pytest.approx(3.0 / np.sqrt(5), rel=0.02)
 
 
 @pytest.mark.parametrize("screen", ["screen-1", "screen-2"])

@@ -14,7 +14,7 @@ from draglag.gap.fitting.likelihood import cost_without_nuisances, likeliest, li
 from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
 from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, scatter
 from draglag.gap.fitting.search import cost_relative_to
-from draglag.gap.fitting.state import State, Term, linearise, term_signature, unsure_mm, usable
+from draglag.gap.fitting.state import State, Term, linearise, term_signature, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.traces.dewarped import DewarpedKinematics
 from draglag.gap.traces.edges import Placed
@@ -180,7 +180,7 @@ def _concluded(runs: tuple[RunData, ...], search: Search, start: Fit | None, wid
         log_likelihood=float(values[best]),
         width_mm=width_mm,
         blur_mm=state.blur_mm,
-        known=sum((unsure_mm(term, state.placed) for term in state.terms), np.zeros(len(state.placed))) == 0,
+        known=state.known,
     )
 
 

@@ -86,8 +86,9 @@ class Neighbours:
 class Scatter:
     """Covariance of used edges (m,) per unit component; bands (b, m): row j holds edges i and i + j of one run.
 
-    fixed_mm2: touch noise, time of the speed, acceleration. late_mm_s, uneven_mm: (m,) by latency and uneven following.
+    fixed_mm2: touch noise, time of the speed, blur. late_mm_s, uneven_mm: (m,) by latency and uneven following.
     loose_s: (runs,) misfit allowed to runs of changing speed, and of a state unsure all along. t_s: (m,) of edges.
+    blur_mm2: (m,) by what effects leave unknown.
     """
 
     fixed_mm2: FloatArray
@@ -98,6 +99,7 @@ class Scatter:
     run: IntArray
     loose_s: FloatArray
     t_s: FloatArray
+    blur_mm2: FloatArray | float = 0.0
 
     @cached_property
     def wander_mm2_s2(self) -> FloatArray:
@@ -106,7 +108,7 @@ class Scatter:
         return near.band(self.late_mm_s, np.exp(-near.apart_s / MEMORY_S))
 
     def rms_mm(self, components: Components) -> dict[str, float]:
-        """Part (``touch`` or of ``Components``) → RMS over edges."""
+        """Part (``touch``, ``blur`` or of ``Components``) → RMS over edges."""
         one, late = np.ones(self.run.size), self.late_mm_s**2
         unit = {
             "edge_mm": one,
@@ -119,11 +121,12 @@ class Scatter:
             "wander_s": late,
         }
         squares = {name: getattr(components, name) ** 2 * values for name, values in unit.items()}
-        return {name: float(np.sqrt(np.mean(mm2))) for name, mm2 in ({"touch": self.fixed_mm2[0]} | squares).items()}
+        fixed = {"touch": self.fixed_mm2[0] - self.blur_mm2, "blur": self.blur_mm2}
+        return {name: float(np.sqrt(np.mean(mm2))) for name, mm2 in (fixed | squares).items()}
 
 
 def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm: FloatArray) -> Scatter:
-    """Scatter of the used edges. blur_mm: (all placed) error by effects of the acceleration."""
+    """Scatter of the used edges. blur_mm: (all placed) error by what effects leave unknown."""
     run, t_s = placed.run[use], placed.t_s[use]
     late_mm_s = placed.v_mm_s[use, 1]
     follows = late_mm_s * placed.stretch[use] * placed.slope_s2_mm[use]
@@ -145,7 +148,7 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
         fixed += near.band(blur_mm[use], np.exp(-near.apart_s / ACCEL_MEMORY_S))
     fades = np.exp(-near.apart_s / SPEED_MEMORY_S)
     share, tremor = near.band(follows * speed, fades), near.band(follows, fades)
-    return Scatter(fixed, share, tremor, late_mm_s, uneven_mm, run, loose_s, t_s)
+    return Scatter(fixed, share, tremor, late_mm_s, uneven_mm, run, loose_s, t_s, blur_mm[use] ** 2)
 
 
 def timing_mm(placed: Placed) -> FloatArray:

@@ -55,7 +55,8 @@ def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray
 
 @dataclass(frozen=True)
 class State:
-    """stale: what effects add was evaluated where edges no longer lie."""
+    """known: mask of edges whose state no term leaves unsure. stale: what effects add was evaluated where edges no
+    longer lie."""
 
     law: LawParameters
     geometry: Geometry
@@ -67,6 +68,7 @@ class State:
     design: FloatArray
     prior: FloatArray
     blur_mm: FloatArray
+    known: np.ndarray
     stale: bool
 
 
@@ -97,11 +99,11 @@ def linearise(
         replace(t, theta=s.theta, sizes=t.sizes or (0.0,) * c.shape[1])
         for t, s, c in zip(terms, signatures, columns, strict=True)
     )
-    blur = _blur_mm(settled, columns, view, placed)
-    unsure_s = _unsure_runs_s(settled, placed, len(runs))
-    if unsure_s.any():
-        placed = replace(placed, unsure_s=unsure_s)
-    return State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur, stale)
+    unsure = _unsure_mm(settled, placed)
+    blur = np.hypot(unsure, _blur_mm(settled, columns, view, placed))
+    if unsure.any():
+        placed = replace(placed, unsure_s=_unsure_runs_s(unsure, placed, len(runs)))
+    return State(law, geometry, settled, placed, view, signatures, residual, design, prior, blur, unsure == 0, stale)
 
 
 @lru_cache(maxsize=2)
@@ -116,30 +118,29 @@ def _speed_delay(terms: Sequence[Term]) -> SpeedDelay:
     return shares[0] if shares else (0.0, sum(delay_s for _, delay_s in delays))
 
 
-def unsure_mm(term: Term, placed: Placed) -> FloatArray:
-    """Standard deviation of each edge, (m,), by a state that the term does not know."""
-    each = np.broadcast_to(effect_class(term.effect).unsure_mm(term, placed), len(placed))
-    return np.asarray(np.nan_to_num(each))
+def _unsure_mm(terms: Sequence[Term], placed: Placed) -> FloatArray:
+    """Standard deviation of each edge, (m,), by states that terms do not know."""
+    out = np.zeros(len(placed))
+    for term in terms:
+        out = np.hypot(out, effect_class(term.effect).unsure_mm(term, placed))
+    return np.nan_to_num(out)
 
 
-def _unsure_runs_s(terms: Sequence[Term], placed: Placed, runs: int) -> FloatArray:
+def _unsure_runs_s(unsure_mm: FloatArray, placed: Placed, runs: int) -> FloatArray:
     """Standard deviation of the latency of runs most of whose edges are unsure, (runs,): these are unsure alike."""
     out = np.zeros(runs)
-    for term in terms:
-        unsure = unsure_mm(term, placed)
-        lever = np.maximum(np.abs(placed.v_mm_s[:, 1] * placed.stretch), 1.0)
-        for k in np.unique(placed.run[unsure > 0]):
-            own = (placed.run == k) & placed.ok
-            if own.any() and np.median(unsure[own]) > 0:
-                out[k] = np.hypot(out[k], np.median(unsure[own] / lever[own]))
+    lever_mm_s = np.maximum(np.abs(placed.v_mm_s[:, 1] * placed.stretch), 1.0)
+    for k in np.unique(placed.run[unsure_mm > 0]):
+        own = (placed.run == k) & placed.ok
+        if own.any() and np.median(unsure_mm[own]) > 0:
+            out[k] = np.median(unsure_mm[own] / lever_mm_s[own])
     return out
 
 
 def _blur_mm(terms: Sequence[Term], columns: list[FloatArray], view: View, placed: Placed) -> FloatArray:
-    """Error by columns known to a share only, and by effects whose state at an edge is unsure."""
+    """Error by columns known to a share only."""
     blur = np.zeros(view.x_mm.size)
     for term, column in zip(terms, columns, strict=True):
-        blur = np.hypot(blur, unsure_mm(term, placed))
         share = effect_class(term.effect).unsure_share
         if not share:
             continue

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 HISTORIES = 8  # three times as many give the same
 SWITCH = 5.0  # log-likelihood that a switch costs
 OUTLIER = 200.0  # squared standard deviations; beyond it an event moves no tracker, but for too many of them
+# (with 50, skips of 2 of 26 kept runs are lost)
 LOST = 4  # outliers in a row after which it restarts
 FAR = 1e9  # what no switch is worth
 TURN_S, FASTEST_TURN = 0.05, 60.0  # rad/s: 1 m/s on a circle of 17 mm
