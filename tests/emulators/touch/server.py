@@ -15,6 +15,7 @@ import os
 import queue
 import struct
 import sys
+import termios
 import threading
 import time
 import tty
@@ -29,7 +30,8 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
 from panel import BTN_TOUCH, EV_ABS, EV_KEY, EV_SYN, PROP_DIRECT, SYN_DROPPED, SYN_REPORT, Panel, sysfs_bitmap  # noqa: E402
 
-EVIOCGRAB = 0x40044590
+EVIOCGRAB, EVIOCSCLOCKID = 0x40044590, 0x400445A0
+FULL_S = 1e-3  # between two looks whether a full pty was read
 
 
 class Bed:
@@ -43,6 +45,8 @@ class Bed:
         self.handler.connect("handle-ioctl", self.ioctl)
         self.due = queue.Queue()
         self.trouble = ""
+        # The clock does not change between an event's stamp and its place in the queue, as in the kernel.
+        self.stamping = threading.Lock()
         threading.Thread(target=self.send_due, daemon=True).start()
 
     def plug(self, number):
@@ -73,6 +77,7 @@ class Bed:
         self.paths = (parent, f"{parent}/{name}")
         self.bed.attach_ioctl(self.node, self.handler)
         self.fd = fd if again else self.bed.get_dev_fd(self.node)
+        os.set_blocking(self.fd, False)
 
     def make_node(self, name, numbers):
         """The end to write to, of the node of a panel that was here before.
@@ -117,7 +122,12 @@ class Bed:
             return True
         size = request >> 16 & 0x3FFF
         data = arg.resolve(0, size) if size else None
-        result, error, answer = self.panel.answer(request, bytes(data.retrieve()) if data else b"")
+        given = bytes(data.retrieve()) if data else b""
+        if request == EVIOCSCLOCKID:
+            with self.stamping:
+                result, error, answer = self.set_clock(given)
+        else:
+            result, error, answer = self.panel.answer(request, given)
         if answer and data:
             data.update(0, answer[:size])
         client.complete(result, error)
@@ -138,20 +148,36 @@ class Bed:
             self.panel.apply(events)
             if lost:
                 events = [[EV_SYN, SYN_DROPPED, 0]]
-            events = [*events, [EV_SYN, SYN_REPORT, 0]]
-            stamp_s = at_s if at_s is not None else time.monotonic()
-            if self.panel.clock != 1:
-                stamp_s += time.time() - time.monotonic()
-            self.write(self.panel.pack(events, stamp_s))
+            self.write([*events, [EV_SYN, SYN_REPORT, 0]], time.monotonic() if at_s is None else at_s)
 
-    def write(self, data):
-        """All of it, however often the pty takes a part; to an unplugged panel nothing."""
+    def write(self, events, at_s):
+        """All of them, however often the pty takes a part; to an unplugged panel nothing."""
+        clock, written, size = None, 0, 1
         try:
-            while data and self.fd >= 0:
-                data = data[os.write(self.fd, data) :]
+            while written < size and self.fd >= 0:
+                with self.stamping:
+                    if clock != self.panel.clock:  # the start is flushed
+                        clock, written = self.panel.clock, 0
+                        data = self.panel.pack(events, at_s if clock == 1 else at_s + time.time() - time.monotonic())
+                        size = len(data)
+                    with contextlib.suppress(BlockingIOError):
+                        written += os.write(self.fd, data[written:])
+                        continue
+                time.sleep(FULL_S)
         except OSError as error:
             if self.fd >= 0:
                 self.trouble = f"a frame could not be written ({error})"
+
+    def set_clock(self, data):
+        """Events that wait are stamped on the other clock: they are flushed, as in the kernel (evdev_set_clk_type)."""
+        before = self.panel.clock
+        result, error, _ = self.panel.answer(EVIOCSCLOCKID, data)
+        if self.panel.clock != before:
+            termios.tcflush(self.fd, termios.TCOFLUSH)
+            slave = os.open(f"{self.bed.get_root_dir()}{self.node}", os.O_RDWR | os.O_NOCTTY)
+            termios.tcflush(slave, termios.TCIFLUSH)
+            os.close(slave)
+        return result, error, None
 
 
 def main():
