@@ -135,10 +135,14 @@ def _said(session: Session, report: GapReport) -> list[str]:
     ms = ms_per_mm(report.last)
     first_mm, last_mm = report.gap_first_mm or 0.0, report.gap_last_mm or 0.0
     floor_mm = report.noise_floor_mm or 0.0
+    counted = np.count_nonzero(report.last.counted)
+    more = np.count_nonzero(report.last.use) - counted
+    unsure = f", {more} more are near a switch or an end of a trace" if more else ""
     body.append(
         f"<p>Held-out gap {first_mm:.3f} → {last_mm:.3f} mm ({ms * first_mm:.2f} → {ms * last_mm:.2f} ms); noise floor "
-        f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms; {FLOOR_REACHES}); {report.last.residual_mm.size} edges of "
-        f"{np.unique(report.last.run_index).size} runs{_left_out(report)}. {escape(unjudged(session, report))}</p>"
+        f"{floor_mm:.3f} mm ({ms * floor_mm:.2f} ms; {FLOOR_REACHES}); {counted} edges of "
+        f"{np.unique(report.last.run_index).size} runs{unsure}{_left_out(report)}. "
+        f"{escape(unjudged(session, report))}</p>"
     )
     if drift := drift_in_analysis(session, report):
         body.append(f"<p>{escape(drift)}</p>")

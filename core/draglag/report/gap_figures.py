@@ -93,9 +93,10 @@ def residuals(first: Fit, last: Fit) -> Any:
     for axes, (title, covariate) in zip(grid.ravel(), covariates, strict=True):
         for fit, colour, marker, name in _series(first, last):
             # As latency: a residual across the beam over the velocity across it keeps its sign in both directions.
+            known = fit.known[fit.use]
             late_ms = 1e3 * fit.residual_mm / np.where(np.abs(fit.view.v_across) < 1, np.nan, fit.view.v_across)
-            x = np.asarray(getattr(fit.view, covariate), float)
-            weight = np.square(fit.view.v_across)
+            x = np.asarray(getattr(fit.view, covariate), float)[known]
+            late_ms, weight = late_ms[known], np.square(fit.view.v_across)[known]
             middle, mean, reach = replayed.binned(x, late_ms, replayed.limits_in(x), weight)
             axes.errorbar(
                 middle, mean, reach, color=colour, marker=marker, linestyle="-", lw=0.8, capsize=2, label=name
@@ -141,18 +142,17 @@ def curves(report: GapReport) -> Any:
 def spread(first: Fit, last: Fit) -> Any:
     figure = new_figure(7.2, 3.2)
     axes = figure.add_subplot()
-    variance = noise_variance_mm2(last)
+    variance = noise_variance_mm2(last)[last.known[last.use]]
     reach = 4 * float(np.sqrt(np.mean(variance))) + 1e-6
     bins = np.linspace(-reach, reach, 61).tolist()
     for fit, colour, _, name in _series(first, last):
-        axes.hist(np.clip(fit.residual_mm, -reach, reach), bins=bins, histtype="step", color=colour, lw=1.6, label=name)
+        left_mm = np.clip(fit.residual_mm[fit.known[fit.use]], -reach, reach)
+        axes.hist(left_mm, bins=bins, histtype="step", color=colour, lw=1.6, label=name)
     x = np.linspace(-reach, reach, 300)
     density = np.mean(
         np.exp(-0.5 * x[:, None] ** 2 / variance[None, :]) / np.sqrt(2 * np.pi * variance[None, :]), axis=1
     )
-    axes.plot(
-        x, density * last.residual_mm.size * (bins[1] - bins[0]), color=GREEN, linestyle="--", label="noise alone"
-    )
+    axes.plot(x, density * variance.size * (bins[1] - bins[0]), color=GREEN, linestyle="--", label="noise alone")
     axes.set_xlabel("residual (mm)")
     axes.set_ylabel("edges")
     axes.legend()
