@@ -17,7 +17,7 @@ from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.state import _not_far
 from draglag.gap.replaying.extended import extended_model
 from draglag.gap.replaying.realised import effects_of_fit
-from draglag.gap.traces.edges import place
+from draglag.gap.traces.edges import TRACKED_S, _tracked, place
 from draglag.gap.traces.law_speed import before_s, delayed_speeds
 from draglag.gap.traces.run_data import RunData, as_shown, gather, undone
 from draglag.protocol.runs import load_protocol
@@ -216,6 +216,21 @@ def test_a_shrunk_circle_shows_the_law_too_low_a_speed() -> None:
 def test_a_low_pass_of_no_time_leaves_a_path_as_it_is() -> None:
     path_mm = np.linspace(0.0, 5.0, 50)
     assert np.array_equal(filtered(path_mm, 0.0, 0.001), path_mm)
+
+
+def test_a_trackers_window_flattens_a_sine_of_the_speed_by_its_transfer_function() -> None:
+    """Of a Gaussian window, exp(−ω²σ²/2)."""
+    shape_hz, n = 4.0, 2000
+    t_s = np.linspace(0.0, 8.0, n)
+    speed = 300.0 + 40.0 * np.sin(2 * np.pi * shape_hz * t_s)
+    traces = SimpleNamespace(
+        t_s=t_s, begin=np.array([0, n]), run=np.zeros(5, np.int64), keeps_moving=np.array([True] * 4 + [False])
+    )
+    at_s = np.array([1.0, 3.03, 5.11, 6.2, 4.4])
+    kept = np.exp(-0.5 * (2 * np.pi * shape_hz * TRACKED_S) ** 2)
+    expected = (kept - 1) * 40.0 * np.sin(2 * np.pi * shape_hz * at_s)
+    expected[-1] = 0.0  # the hand rests
+    assert _tracked(traces, (t_s, speed), at_s) == pytest.approx(expected, abs=0.05)  # of interpolation
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.05, -0.03], ids=["of now", "of before", "of later"])

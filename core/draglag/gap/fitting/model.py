@@ -23,7 +23,9 @@ PLATEAU_SD_MM_S = 60.0
 # The share of the latency by which the speed that counts may seem a later one than the edge's: what a hand's tremor and
 # the windows of the speeds leave on sound sessions.
 FOLLOWS_LATER_SD = 0.07
-FLATTENING_SD = 0.5
+# Flattening of quick changes of speed by a panel's tracker, over that by a window of ``TRACKED_S``. With 1 a lagging
+# law of 0.06 s passes for it.
+TRACKED_SD = 0.5
 PLATEAUS_MM_S = (20.0, 400.0)  # that a fit allows
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
 LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
@@ -170,14 +172,14 @@ def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
     x = placed.xy_mm[:, 0]
     # The share of the latency by which the law's speed is a later one: a nuisance, bounded by its prior.
     lag = v_n * placed.slope_s2_mm * placed.accel_apart_mm_s2 * np.maximum(placed.latency_s, 0.0)
-    # Its noise flattens the law within a run of nearly constant speed (not from run to run): another nuisance.
-    uneven = v_n * placed.slope_s2_mm * placed.uneven_mm_s
+    # A panel's tracker takes the speed from a window, which flattens quick changes, not those from run to run: another.
+    tracked = v_n * placed.slope_s2_mm * placed.tracked_mm_s
     # The position fits themselves bend a fast circle inwards a little: a third.
     bent = placed.a_mm_s2[:, 1]
-    return np.column_stack([columns, -x, -np.ones_like(x), lag, uneven, bent])
+    return np.column_stack([columns, -x, -np.ones_like(x), lag, tracked, bent])
 
 
 def base_prior(law: LawParameters) -> FloatArray:
     """Prior precision of a step of each base parameter."""
-    nuisances = 1 / np.square([FOLLOWS_LATER_SD, FLATTENING_SD, BENT_SD_S2])
+    nuisances = 1 / np.square([FOLLOWS_LATER_SD, TRACKED_SD, BENT_SD_S2])
     return np.concatenate([1 / np.square(law.step_sd), [0.0, 0.0], nuisances])

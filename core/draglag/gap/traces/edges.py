@@ -23,6 +23,9 @@ from draglag.recording import FloatArray, IntArray
 Law = Callable[[FloatArray], FloatArray]
 STRAIGHT_S = 0.001  # so near, a velocity and its rate of change predict a new fit
 NEAR_S = 0.004  # further, they do not
+# Standard deviation of a short window in which a panel's tracker takes a speed: some five reports at 60 to 120 Hz.
+TRACKED_S = 0.03
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
 ROUNDS, STEPS = 8, 6  # a step is at most 20 ms: a law may lie far off where a fit begins
 EXACT_S = 2e-5
 FEW = 0.002  # of all edges
@@ -34,8 +37,9 @@ class Placed:
 
     t_s: laser time. steady: of a run of constant speed. falling: light→dark. xy_mm, v_mm_s, a_mm_s2: (m, 2) shown at t
     + L. accel_mm_s2: along the motion, in own time; accel_apart_mm_s2: with errors independent of the position's.
-    turn_rad_s: of the direction, uneven_mm_s: speed less the run's mean; 0 unless steady. slope_s2_mm: L′. stretch:
-    shift per added latency, 1 / (1 − L′ v̇). position_at_s, speed_at_s: times of the fits on ``traces``.
+    turn_rad_s: of the direction; 0 unless steady. tracked_mm_s: speed in a tracker's window less that of the moment; 0
+    where the hand rests. slope_s2_mm: L′. stretch: shift per added latency, 1 / (1 − L′ v̇). position_at_s,
+    speed_at_s: times of the fits on ``traces``.
     unsure_s: (runs,) standard deviation of a latency by a state unsure all run long; None: none.
     """
 
@@ -54,7 +58,7 @@ class Placed:
     accel_apart_mm_s2: FloatArray
     turn_rad_s: FloatArray
     slope_s2_mm: FloatArray
-    uneven_mm_s: FloatArray
+    tracked_mm_s: FloatArray
     stretch: FloatArray
     ok: np.ndarray
     speed_half_s: FloatArray
@@ -98,7 +102,8 @@ def place(
     traces = traces_of(runs)
     edge_s = traces.edge_t_s
     added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
-    latency, speed, step, made, half_s = _found(traces, law, added_s, start, delay)
+    law_speeds = _law_speeds(traces, law, delay)
+    latency, speed, step, made, half_s = _found(traces, law, added_s, start, law_speeds)
     at_s = edge_s + latency
     there = traces.positions.at(at_s, traces.half_s, traces.edges)
     xy_mm, _ = _moved(there, at_s)
@@ -120,8 +125,6 @@ def place(
     ok &= (moment_s >= first_s[run]) & (moment_s <= last_s[run])
     judged = ok & traces.steady
     turn = shown * _curvatures(run, judged, turn / shown, len(runs))
-    count = np.bincount(run[judged], None, len(runs))
-    mean = np.bincount(run[judged], speed[judged], len(runs)) / np.maximum(count, 1)
     return Placed(
         run=run,
         t_s=t_s,
@@ -138,7 +141,7 @@ def place(
         accel_apart_mm_s2=apart,
         turn_rad_s=turn,
         slope_s2_mm=slope,
-        uneven_mm_s=np.where(traces.steady & (count > 0)[run], speed - mean[run], 0.0),
+        tracked_mm_s=_tracked(traces, law_speeds.followed, at_s),
         stretch=1 / np.clip(1 - slope * apart, 0.7, 1.5),
         ok=ok,
         speed_half_s=half_s,
@@ -157,7 +160,7 @@ def _known_at(traces: Traces, at_s: FloatArray, there: FloatArray, made: FloatAr
 
 
 def _found(
-    traces: Traces, law: Law, added_s: FloatArray, start: Placed | None, delay: SpeedDelay
+    traces: Traces, law: Law, added_s: FloatArray, start: Placed | None, law_speeds: _LawSpeeds
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Latency, speed and last step (m,), fits of the speed (m, 8) and their half windows (m,)."""
     edge_s = traces.edge_t_s
@@ -166,7 +169,6 @@ def _found(
         latency = np.where(np.isfinite(start.latency_s), start.latency_s, start.speed_at_s - edge_s)
     else:
         latency, half_s = _begun(traces, law)
-    law_speeds = _law_speeds(traces, law, delay)
     latency, speed, step = latency.copy(), np.zeros(edge_s.size), np.zeros(edge_s.size)
     made = np.empty((edge_s.size, 8))
     open_ = traces.edges
@@ -179,6 +181,14 @@ def _found(
         if open_.size <= (0 if start is None else FEW * edge_s.size):
             break  # a few that come to no end are not worth a round of their own: another placing goes on with them
     return latency, speed, step, made, half_s
+
+
+def _tracked(traces: Traces, followed: tuple[FloatArray, FloatArray], at_s: FloatArray) -> FloatArray:
+    """Law's argument in a tracker's window (Gauss–Hermite quadrature) less that of the moment, (m,)."""
+    first_s, last_s = (traces.t_s[at][traces.run] for at in (traces.begin[:-1], traces.begin[1:] - 1))
+    around_s = (at_s + TRACKED_S * _NODES[:, None]).clip(first_s, last_s)
+    mean = _WEIGHTS @ np.interp(around_s, *followed) / _WEIGHTS.sum()
+    return np.where(traces.keeps_moving, mean - np.interp(at_s, *followed), 0.0)
 
 
 def _curvatures(run: IntArray, judged: np.ndarray, each: FloatArray, n_runs: int) -> FloatArray:
