@@ -20,7 +20,7 @@ from draglag.gap.provisional import Provisional
 from draglag.gap.results import GapReport, Step
 from draglag.recording import Session
 from draglag.report.gap import write_gap_report
-from draglag.report.gap_figures import waterfall
+from draglag.report.gap_figures import spread, waterfall
 
 SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
 NONE = np.zeros(2)
@@ -111,6 +111,23 @@ def test_the_page_draws_the_provisional_term_that_it_reports(
         steps = re.findall(r"<svg.*?</svg>", text, re.DOTALL)[0]
         assert ("Provisional term unnamed:session_time" in text) is (unnamed is not None)
         assert ("<pattern" in steps) is (unnamed is not None)  # what a hatched area is filled with
+
+
+def test_edges_of_an_unsure_state_are_neither_counted_nor_drawn(
+    session: Session, report: GapReport, tmp_path: Path
+) -> None:
+    last = report.last
+    assert last is not None
+    known = last.known.copy()
+    known[np.flatnonzero(last.use)[:40]] = False
+    partly = replace(last, known=known)
+    page = write_gap_report(session, replace(report, last=partly), tmp_path / "gap.html").read_text("utf-8")
+    counted = np.count_nonzero(last.use) - 40
+    said = rf"\b{counted} edges of \d+ runs, 40 more are near a switch"
+    assert re.search(said, re.sub("<[^>]+>", "", page))
+    with style.house_style():
+        after = spread(last, partly).axes[0].patches[1].get_xy()
+    assert after[1:-1:2, 1].sum() == counted
 
 
 def test_the_page_states_the_diameter_that_it_was_judged_with(session: Session, tmp_path: Path) -> None:
