@@ -153,7 +153,7 @@ def spread(first: Fit, last: Fit) -> Any:
         np.exp(-0.5 * x[:, None] ** 2 / variance[None, :]) / np.sqrt(2 * np.pi * variance[None, :]), axis=1
     )
     axes.plot(x, density * variance.size * (bins[1] - bins[0]), color=GREEN, linestyle="--", label="noise alone")
-    axes.set_xlabel("residual (mm)")
+    axes.set_xlabel("residual (mm); the outermost bars hold what lies beyond")
     axes.set_ylabel("edges")
     axes.legend()
     return figure

@@ -233,6 +233,12 @@ def test_a_trackers_window_flattens_a_sine_of_the_speed_by_its_transfer_function
     assert _tracked(traces, (t_s, speed), at_s) == pytest.approx(expected, abs=0.05)  # of interpolation
 
 
+def test_a_trackers_window_reaches_into_no_other_run() -> None:
+    t_s, speed = np.array([0.0, 8.0, 18.0, 26.0]), np.array([100.0, 100.0, 900.0, 900.0])
+    traces = SimpleNamespace(t_s=t_s, begin=np.array([0, 2, 4]), run=np.array([0, 1]), keeps_moving=np.ones(2, bool))
+    assert _tracked(traces, (t_s, speed), np.array([7.99, 18.01])) == pytest.approx(0.0, abs=1e-9)
+
+
 @pytest.mark.parametrize("delay_s", [0.0, 0.05, -0.03], ids=["of now", "of before", "of later"])
 def test_the_speed_that_a_law_is_asked_at_is_followed_behind_what_the_trace_shows(delay_s: float) -> None:
     # A drag of 80 mm/s, uneven by 4 mm/s at 2 Hz, on a screen whose latency falls by 1 ms a mm/s: what is shown leads
