@@ -55,17 +55,26 @@ def children(pid: int) -> list[int]:
     return [int(text) for text in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
+def hear_ctrl_c() -> None:
+    """A shell starts what runs in the background without SIGINT."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs Linux's list of processes")
 def test_ctrl_c_ends_it_and_its_workers():
     run = subprocess.Popen(
         [sys.executable, "-c", START, "blind", "--only", "none", "--sessions", "200", "--jobs", "2"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[2],
+        preexec_fn=hear_ctrl_c,
     )  # fmt: skip
     workers: list[int] = []
-    while len(workers) < 3 and run.poll() is None:  # two, and the one that looks after what they share
-        workers = children(run.pid)
-    run.send_signal(signal.SIGINT)  # to the main process alone
-    _, said = run.communicate(timeout=120)
+    try:
+        while len(workers) < 3 and run.poll() is None:  # two, and the one that looks after what they share
+            workers = children(run.pid)
+        run.send_signal(signal.SIGINT)  # to the main process alone
+        _, said = run.communicate(timeout=120)
+    finally:
+        run.kill()
     assert run.returncode == 1, said
     assert "Traceback" not in said
     patience_s = time.monotonic() + 60
