@@ -19,14 +19,15 @@ from draglag.recording import FloatArray, Session, Taps
 from draglag.simulation.effects import Effect
 from draglag.simulation.effects.in_fits import Z95
 
-TAP_SD_S = 0.0009  # how far releases lie from the asymptote of a sound rig, from panel to panel (fact sheet on taps)
-INTEREST_S = 0.0015  # tolerated: at 100 mm/s 0.15 mm, and a panel may treat a lift as it likes
-OFFSET_SD_S = 0.01  # of an offset of interest: clocks that nobody compared differ by some milliseconds
-BEYOND = 0.15  # how well the law's fall beyond the fastest speed is known, as a share of it
-FEWEST = 15  # releases
-FAR_MM_S = 1e5  # where every curve has come to its end
-POINTS = 2001  # of the grid on which an offset's interval is read: a hundredth of a millisecond
-AT_AN_END = 0.3  # of the time over which taps were made
+# How far releases of a sound rig lie from the asymptote, from panel to panel. Physical (fact sheet on taps).
+TAP_SD_S = 0.0009
+INTEREST_S = 0.0015  # tolerated: at 100 mm/s 0.15 mm, and a panel may treat a lift as it likes. Judgement
+OFFSET_SD_S = 0.01  # of an offset of interest: clocks that nobody compared differ by some milliseconds. Physical
+BEYOND = 0.15  # how well the law's fall beyond the fastest speed is known, as a share of it. Judgement
+FEWEST = 15  # releases: a median's standard error of a third of their scatter. Derived
+FAR_MM_S = 1e5  # where every curve has come to its end. Derived
+POINTS = 2001  # of the grid on which an offset's interval is read: a hundredth of a millisecond. Derived
+AT_AN_END = 0.3  # of the time over which taps were made: those before and after the drags. Judgement
 
 
 @dataclass(frozen=True)

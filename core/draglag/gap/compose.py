@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from draglag.errors import DataError, EstimateError, message_of
-from draglag.gap.constants import PREDICTS_NATS, SHARED, STATED_AT_MOST
+from draglag.gap.constants import DOUBT, PREDICTS_NATS, STATED_AT_MOST
 from draglag.gap.correction import without_effects
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks, squares_by_run
 from draglag.gap.fitting.joint import Fit, effects_in, fit_session
@@ -128,7 +128,7 @@ class Gap:
         """Effect id, or ``?covariate:role`` if unnamed → probability, down to 0.1."""
         names = {name for found in self.pool.found for name in found} - set(self.pool.emptiest) - {LAW_FORM}
         each = {name: self.pool.probability_of(name) for name in names}
-        return {n: p for n, p in sorted(each.items(), key=lambda item: -item[1]) if p >= SHARED}
+        return {n: p for n, p in sorted(each.items(), key=lambda item: -item[1]) if p >= DOUBT}
 
 
 @dataclass(frozen=True)

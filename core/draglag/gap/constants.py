@@ -60,27 +60,36 @@ LAW_KNOTS = 11
 MEMORY_S = 0.5
 """s. Correlation time of a wandering lateness. Physical: a hand's pressure and tilt change within half a second."""
 
-LEAST_DIRECTION_MM = 0.001
-"""mm RMS. Directions of the tolerance that move edges by less at its largest scale are left out. Derived: the rounding
-of the placing."""
+ROUNDING_MM = 0.001
+"""mm. Rounding of the placing, whose square every variance has; directions of the tolerance that move edges by less
+(RMS, at its largest scale) are left out. Derived."""
 
-NUGGET_MM2 = 1e-6
-"""mm². Added to every variance, (1 µm)²: the rounding of the placing. Derived."""
+LEAST_PRECISION = 1e-9
+"""Of a size without a prior: a standard deviation of 30 m, 30 ks. Derived."""
+
+HAND_STEP_S = 0.004
+"""s. Within less no hand changes speed or acceleration, so that no path needs a finer grid, whatever the panel's rate.
+Physical: a hand speeds up and slows down at 1 to 4 Hz and trembles at 8 to 12 Hz."""
+
+PADDED_S = 1.0
+"""s. Before and after a trace, where its ends are repeated: longer than any window. Derived."""
+
+SEED = 20260101
+"""Of draws that a report repeats: any. Derived."""
 
 MOST_EFFECTS = 4
-"""Effects that are named at most, unless the user says otherwise. Derived: cost."""
+"""Effects that are named at most, unless the user says otherwise, and members that a set may have before it is
+refitted; found effects stay and the search goes on. Derived: cost."""
 
-SHARED = 0.1
-"""Share of the probability from which on an effect is reported as one that cannot be distinguished. Judgement."""
+DOUBT = 0.1
+"""Probability from which on an alternative counts: an effect is reported as one that cannot be distinguished, and next
+to what has no name effects are looked for that columns show badly. Judgement."""
 
 ENOUGH_TAPS = 20
-"""Taps below which a session shows nothing about them. Derived: a median's standard error of a fifth of the scatter."""
+"""Taps below which a session shows nothing about them. Derived: a median's standard error of 0.3 of the scatter."""
 
 WIDE_ENOUGH = 0.25
 """Share of the panel's width that edges must cover to show what follows the place. Judgement."""
-
-MOST_MEMBERS = 4
-"""Members a set may have before it is refitted; found effects stay and the search goes on. Derived: cost."""
 
 BEAM = 6
 """Sets of each size that are extended. Derived: cost."""
@@ -121,8 +130,9 @@ PREDICTS_NATS = 3.0
 """nats of log predictive density on held-out runs from which on a model predicts them better; of log-likelihood that a
 change by hand must gain before it is reported to shrink the gap. Derived: a ratio of 20."""
 
-FEWEST_RUNS = 4
-"""Runs below which the predictive check is not made. Derived: a mean of fewer has no useful standard error."""
+FEWEST_RUNS = 5
+"""Runs below which no scatter between runs counts, by a jackknife or in the predictive check. Derived: a standard
+deviation of fewer is known to half of itself."""
 
 UNLIKELY = 1e-4
 """Probability of a statistic's value under the simulation below which the two disagree. Judgement: one session in

@@ -21,7 +21,7 @@ from draglag.simulation.effects.parameter import sizes_in_words
 from draglag.simulation.kinematics import GRID_HZ, Kinematics, Motion
 
 LAW_UNDOES = "part of the latency law, which undoes it"
-LONGEST_SHIFT_S = 0.05  # an edge of a stylus that hardly crosses the beam is not moved farther
+LONGEST_SHIFT_S = 0.05  # an edge of a stylus that hardly crosses the beam is not moved farther. Judgement
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from draglag.gap.constants import STATED_AT_MOST
+from draglag.gap.constants import LEAST_PRECISION, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_with
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.signatures import shape_free
@@ -16,8 +16,8 @@ from draglag.gap.results import GapReport, stated
 from draglag.recording import FloatArray
 from draglag.simulation.residual import View
 
-POINTS = 25  # of the curve that is reported
-TRIED = 4  # smooth terms, the most probable first
+POINTS = 25  # of the curve that is reported. Derived
+TRIED = 4  # smooth terms, the most probable first. Derived: cost
 UNITS = {
     "session_time": "s", "time_in_run": "s", "x": "mm", "speed": "mm/s", "acceleration": "mm/s²",
     "normal_acceleration": "mm/s²", "direction_angle": "rad",
@@ -97,7 +97,7 @@ def provisional_term(report: GapReport) -> Provisional | None:
 
 
 def _added(fit: Fit, covariate: str, role: str, probability: float, columns: FloatArray) -> Provisional:
-    prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
+    prior = np.append(fit.prior, np.full(columns.shape[1], LEAST_PRECISION))
     design = np.column_stack([fit.design, columns])
     after = replace(fit, design=design, prior=prior)
     white = fit.white

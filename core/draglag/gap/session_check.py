@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from draglag.gap.traces.run_data import FEWEST_EDGES
 from draglag.messages import message, phrase
 from draglag.recording import FloatArray, Run, Session
 
-FEWEST_EDGES = 6  # of a run that counts
-BACK_AT_MOST = 0.01  # of the touch events
+BACK_AT_MOST = 0.01  # of the touch events may step back in time. Judgement
 
 
 def what_is_missing(session: Session) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from scipy.special import chdtrc
 
 from draglag.errors import EstimateError
 from draglag.gap.by_taps import creep_of
-from draglag.gap.constants import PROBABLE, PROMISING, SHARED, STATED_AT_MOST
+from draglag.gap.constants import DOUBT, PROBABLE, PROMISING, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
@@ -179,7 +179,7 @@ def step_of(
     p_any_form = _unknown_form(judgement, last)
     creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike), p_any_form)
     effect = creep.best if len(alike) > 1 else alike[0]
-    rivals = [e for e in alike if e != effect and creep.shares[e] > SHARED]
+    rivals = [e for e in alike if e != effect and creep.shares[e] > DOUBT]
     instead = _rivals(answer, name)
     rivals += instead
     p = min(judgement.pool.probability_of(name, *instead), STATED_AT_MOST)
@@ -215,7 +215,7 @@ def _rivals(answer: Answer, name: str) -> list[str]:
     out = []
     for names, p in answer.explanations:
         other = set(names) & set(EFFECTS)
-        if p > SHARED and name not in other and len(other - best) == 1 and best - other == {name}:
+        if p > DOUBT and name not in other and len(other - best) == 1 and best - other == {name}:
             out += sorted(other - best)
     return out
 

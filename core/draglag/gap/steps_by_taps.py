@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.by_taps import Offset, clock_offset, shares_by_edges
-from draglag.gap.constants import SHARED
+from draglag.gap.constants import DOUBT
 from draglag.gap.fitting.heldout import gap_mm
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.judge import Judgement
@@ -53,9 +53,9 @@ def with_taps(
         # Edges whose positions were of uneven age, repaired or not, cannot identify what moves them by so little.
         shares = dict.fromkeys(moved, 1 / len(moved))
     # Where edges do not decide, the one first that moves none.
-    best = min((name for name in shares if shares[name] > SHARED), key=lambda name: np.ptp(likeliest[name]))
+    best = min((name for name in shares if shares[name] > DOUBT), key=lambda name: np.ptp(likeliest[name]))
     after = replace(last, residual_mm=last.residual_mm - likeliest[best])
-    rivals = tuple(name for name in shares if name != best and shares[name] > SHARED)
+    rivals = tuple(name for name in shares if name != best and shares[name] > DOUBT)
     step = Step(
         best,
         {EFFECTS[best].parameters[0].name: _of_size(offset, EFFECTS[best].drags_early)},

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.gap.constants import SHARED, SIZE_OF_INTEREST_MM
+from draglag.gap.constants import DOUBT, SIZE_OF_INTEREST_MM
 from draglag.gap.results import (
     BY_TAPS,
     UNEXPLAINED,
@@ -25,9 +25,9 @@ from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class, title_of
 from draglag.simulation.effects.parameter import amount, ends, parameter_of, sizes_in_words
 
-_DIGITS = 3  # of a size in a headline
-FEWEST_STAMPS = 10  # for a rate
-LEAST_MISS_S = 5e-6  # smaller ones would be printed as 0.0 ms
+_DIGITS = 3  # of a size in a headline. Judgement
+FEWEST_STAMPS = 10  # for a rate. Derived
+LEAST_MISS_S = 5e-6  # smaller ones would be printed as 0.0 ms. Derived
 NOISE = {
     "touch": "touch noise",
     "blur": "what an effect leaves unknown",
@@ -174,7 +174,7 @@ def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) ->
     out = []
     for names, p in explanations[1:]:
         swapped = {column_of(name) if name in EFFECTS else name for name in names} <= named
-        if p > SHARED and not (swapped and len(names) == len(first) and first != UNEXPLAINED):
+        if p > DOUBT and not (swapped and len(names) == len(first) and first != UNEXPLAINED):
             out.append((tuple(names), p))
     return out
 

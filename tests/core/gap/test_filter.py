@@ -9,9 +9,10 @@ import pytest
 
 from core import sound_sessions
 from draglag.gap import close_gap
+from draglag.gap.constants import HAND_STEP_S
 from draglag.gap.fitting.joint import fit_session
 from draglag.gap.results import GapReport
-from draglag.gap.traces.run_data import FINE_S, averaged, gather
+from draglag.gap.traces.run_data import averaged, gather
 from draglag.path.events import first_of_contact
 from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, Session
@@ -142,6 +143,6 @@ def test_events_finer_than_the_fits_need_are_averaged_within_each_contact() -> N
     assert fewer_s.size == math.ceil(2001 / 4) + math.ceil(1999 / 4)
     assert fewer_mm == pytest.approx(np.column_stack([100 * fewer_s, 5 - 30 * fewer_s]))
     assert not np.any((fewer_s > t_s[2000]) & (fewer_s < t_s[2001]))
-    assert np.median(np.diff(fewer_s)) == pytest.approx(FINE_S)
+    assert np.median(np.diff(fewer_s)) == pytest.approx(HAND_STEP_S)
     as_they_are = averaged(t_s[::4], xy_mm[::4])
     assert as_they_are[0].size == t_s[::4].size

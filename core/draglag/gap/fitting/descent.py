@@ -16,14 +16,15 @@ from draglag.gap.traces.run_data import RunData
 from draglag.messages import message
 from draglag.recording import Session
 
-MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03  # a run's own latency and offset while the law is sought
+# Of a run's own latency and offset while the law is sought. Physical: panels' scatter between runs.
+MOST_RUN_S, MOST_RUN_MM = 1e-3, 0.03
 UNUSABLE = message("Check the calibration and the clocks of this session")
-STEPS, ATTEMPTS = 20, 4
-LEAST_DAMPING = 1e-5  # of the information's diagonal: the valley of two exponentials is a hundred times narrower
-STRONGER, WEAKER = 100.0, 10.0  # factors of the damping after a step that failed, and after one that did not
-IDLE = 3  # damped steps in a row that gain less than ENOUGH: what they move then is the rounding of the placing
-PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only
-ROUGHLY, ENOUGH = 0.5, 0.05  # what a step may still promise before the edges are judged, and in the end
+STEPS, ATTEMPTS = 20, 4  # of a search, and at one step. Derived: cost
+LEAST_DAMPING = 1e-5  # of the information's diagonal: the valley of two exponentials is 100 times narrower. Derived
+STRONGER, WEAKER = 100.0, 10.0  # factors of the damping after a step that failed, and after one that did not. Derived
+IDLE = 3  # damped steps in a row that gain less than ENOUGH move by the rounding of the placing. Derived
+PLACING = 0.1  # of the cost: placing an edge is exact to a few µm only. Derived
+ROUGHLY, ENOUGH = 0.5, 0.05  # nats that a step may promise before edges are judged, and in the end. Derived: below one
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.gap.constants import PREDICTS_NATS, SHRINKS_BY
+from draglag.gap.constants import LEAST_PRECISION, PREDICTS_NATS, SHRINKS_BY
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.noise import scatter
 from draglag.gap.fitting.whitening import whitener
 from draglag.recording import FloatArray, IntArray
 from draglag.simulation.effects.in_fits import Z95
 
-FOLDS = 5
-IN_EVERY_FIT = -1
+FOLDS = 5  # of the runs. Judgement: the usual number
+IN_EVERY_FIT = -1  # number of the fold of such a run. Derived
 
 
 def folds(fit: Fit) -> IntArray:
@@ -123,5 +123,5 @@ def squares_by_run(fit: Fit, edges: np.ndarray | None = None) -> dict[int, tuple
 
 def shrinks_with(fit: Fit, columns: FloatArray) -> bool:
     """``shrinks`` by columns (m, k)."""
-    prior = np.append(fit.prior, np.full(columns.shape[1], 1e-12))
+    prior = np.append(fit.prior, np.full(columns.shape[1], LEAST_PRECISION))
     return shrinks(fit, replace(fit, design=np.column_stack([fit.design, columns]), prior=prior))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from draglag.gap.constants import FEWEST_RUNS
 from draglag.gap.fitting.joint import Fit
 from draglag.recording import FloatArray
 
-ALONE = 10.0  # times the variance without a run: it alone knows the number
-LEAST_RUNS = 5  # of a jackknife
+ALONE = 10.0  # times the variance without a run: it alone knows the number. Judgement
 
 
 def jackknife_sd(fit: Fit) -> FloatArray:
@@ -27,4 +27,4 @@ def jackknife_sd(fit: Fit) -> FloatArray:
     known = np.diagonal(without, axis1=1, axis2=2) < ALONE * np.diag(spread)
     telling = np.sum(known, axis=0)
     square = np.sum(np.where(known, off, 0.0) ** 2, axis=0) * (telling - 1) / np.maximum(telling, 1)
-    return np.asarray(np.where(telling >= LEAST_RUNS, np.sqrt(np.maximum(square, 0.0)), 0.0))
+    return np.asarray(np.where(telling >= FEWEST_RUNS, np.sqrt(np.maximum(square, 0.0)), 0.0))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from draglag.errors import EstimateError
+from draglag.gap.constants import LEAST_PRECISION
 from draglag.gap.fitting.descent import UNUSABLE, Search, descended
 from draglag.gap.fitting.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
 from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
@@ -24,8 +25,8 @@ from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Averaged, View
 
-FIXED = 1e9  # precision of a parameter at its bound
-START = Components(tremor_mm_s=1.0, run_mm=0.03)  # weights of a search until it has its own
+FIXED = 1e9  # precision of a parameter at its bound: it does not move. Derived
+START = Components(tremor_mm_s=1.0, run_mm=0.03)  # weights of a search until it has its own. Physical: a quiet rig
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +228,7 @@ def _first_sizes(start: Fit, terms: Sequence[Term]) -> tuple[FloatArray, list[tu
     # The tightest scatter between runs: what the terms are to explain must not count as noise here.
     white = whitener(scatter(start.runs, start.placed, start.use, start.blur_mm), start.noises[0])
     a, b = white.apply(design), white.apply(start.residual_mm)
-    prior = np.concatenate([start.prior[:n_base], np.full(new.shape[1], 1e-12)])
+    prior = np.concatenate([start.prior[:n_base], np.full(new.shape[1], LEAST_PRECISION)])
     sizes = (np.linalg.pinv(a.T @ a + np.diag(prior), hermitian=True) @ (a.T @ b))[n_base:]
     out = np.zeros(len(start.runs))
     each, at = [], 0

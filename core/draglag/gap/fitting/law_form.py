@@ -13,11 +13,12 @@ from draglag.gap.fitting.model import LEAST_AMPLITUDE_S, LEAST_RATE_S_MM, MOST_R
 from draglag.recording import FloatArray
 
 LAW_FORM = "law_form"
-BEYOND = 0.3  # of ln v beyond the outermost knots: there the form stays what it is
-FORM_SD_S = 0.01  # of a step of the remainder: screens' laws lie within some 10 ms of the nearest Eq. 5
-TRIVIAL = 1e-3  # of a knot's variance: directions of less are rounding
-RATES_S_MM = ((4e-3, 2.2e-2), (1.5e-3, 8e-3), (2e-3, 3e-2), (6e-3, 6e-2))  # to begin from: screens published so far
-SPEEDS = 60  # at which a curve is compared with Eq. 5
+BEYOND = 0.3  # of ln v beyond the outermost knots: there the form stays what it is. Judgement
+FORM_SD_S = 0.01  # of a step of the remainder: screens' laws lie within some 10 ms of the nearest Eq. 5. Physical
+TRIVIAL = 1e-3  # of a knot's variance: directions of less are rounding. Derived
+# to begin from: screens published so far. Physical
+RATES_S_MM = ((4e-3, 2.2e-2), (1.5e-3, 8e-3), (2e-3, 3e-2), (6e-3, 6e-2))
+SPEEDS = 60  # at which a curve is compared with Eq. 5. Derived: cost
 
 
 @dataclass(frozen=True)

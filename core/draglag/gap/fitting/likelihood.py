@@ -14,7 +14,7 @@ from draglag.gap.fitting.state import State
 from draglag.gap.fitting.whitening import Whitener, inner_products
 from draglag.recording import FloatArray, IntArray
 
-HUBER_K = 4.0  # standard deviations: Huber's corner
+HUBER_K = 4.0  # standard deviations: Huber's corner, which one edge in 16 000 passes by chance. Derived
 
 
 def profile(white: Whitener, residual: FloatArray, design: FloatArray, prior: FloatArray) -> tuple[float, FloatArray]:

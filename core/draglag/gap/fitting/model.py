@@ -16,22 +16,24 @@ from draglag.instruments.beam import sides
 from draglag.messages import message
 from draglag.recording import FloatArray
 
-# Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything.
+# Weak priors, standard deviations about the start: they keep Eq. 5 from swallowing everything. Physical: as far as
+# published screens' laws differ.
 LOG_RATE_SD = 0.7
 AMPLITUDE_SD_S = 0.15
 PLATEAU_SD_MM_S = 60.0
 # The share of the latency by which the speed that counts may seem a later one than the edge's: what a hand's tremor and
-# the windows of the speeds leave on sound sessions.
+# the windows of the speeds leave on sound sessions. Physical.
 FOLLOWS_LATER_SD = 0.07
-# Flattening of quick changes of speed by a panel's tracker, over that by a window of ``TRACKED_S``. With 1 a lagging
-# law of 0.06 s passes for it.
+# Flattening of quick changes of speed by a panel's tracker, over that by a window of ``TRACKED_S``. Judgement: with 1
+# a lagging law of 0.06 s passes for it.
 TRACKED_SD = 0.5
-PLATEAUS_MM_S = (20.0, 400.0)  # that a fit allows
-LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one
+PLATEAUS_MM_S = (20.0, 400.0)  # that a fit allows. Physical: slower nobody drags, faster the law is flat
+LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one. Derived
+# Bounds: beyond them an exponential is straight, or over, at any drag. Derived.
 LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
-BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends
-CORNER = 0.02  # of the plateau's speed
-N_NUISANCES = 3  # the last base columns: fitted at every step, never carried
+BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends. Physical
+CORNER = 0.02  # of the plateau's speed, over which its corner is rounded. Derived: steps of a search need a slope
+N_NUISANCES = 3  # the last base columns: fitted at every step, never carried. Derived
 
 
 @dataclass(frozen=True)

@@ -8,23 +8,25 @@ from itertools import product
 
 import numpy as np
 
-from draglag.gap.constants import MEMORY_S, MISFIT_MM, NUGGET_MM2
+from draglag.gap.constants import MEMORY_S, MISFIT_MM, ROUNDING_MM
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
 from draglag.path.motion import SPEED_TIMING_S
 from draglag.recording import FloatArray, IntArray
 
+# Grids of the search, coarser than those by which explanations are compared, of the same parts. Physical: see
+# posterior/levels.
 EDGE_MM = (0.0, 0.05, 0.1, 0.2, 0.4)
 SPEED = (0.0, 0.005, 0.01, 0.02, 0.04)
 TREMOR_MM_S = (0.0, 1.5, 3.0, 6.0)
 UNEVEN = (0.1, 0.3)
-# Panels differ by about 0.7 ms from run to run; more is not noise but something missing.
+# Panels differ by about 0.7 ms from run to run; more is not noise but something missing. Physical.
 RUN_S = (0.0, 0.00025, 0.0005, 0.001)
 RUN_MM = (0.0, 0.05)
-UNSTEADY = 0.2  # share of a chirp's or step's own range of latency by which its level may miss the law's
-ACCEL_MEMORY_S = 0.08  # half the span that an acceleration is taken over
-SPEED_MEMORY_S = 0.15  # how long the hand's own unevenness, faster than the speed window, lasts
-MEMORIES = 12  # after so many of these nothing is left of it (6e-6)
+UNSTEADY = 0.2  # share of a chirp's or step's own range of latency by which its level may miss the law's. Judgement
+ACCEL_MEMORY_S = 0.08  # half the span that an acceleration is taken over. Derived
+SPEED_MEMORY_S = 0.15  # how long the hand's own unevenness, faster than the speed window, lasts. Physical
+MEMORIES = 12  # after so many of these nothing is left of it (6e-6). Derived
 
 Sizes = dict[str, float]
 
@@ -143,7 +145,7 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
         loose_s = np.hypot(loose_s, placed.unsure_s)
     near = Neighbours.within(SPEED_MEMORY_S, t_s, run)
     fixed = placed.touch_noise.band_mm2(use, near.later.shape[0])
-    fixed[0] += timing_mm(placed)[use] ** 2 + NUGGET_MM2
+    fixed[0] += timing_mm(placed)[use] ** 2 + ROUNDING_MM**2
     if blur_mm[use].any():
         fixed += near.band(blur_mm[use], np.exp(-near.apart_s / ACCEL_MEMORY_S))
     fades = np.exp(-near.apart_s / SPEED_MEMORY_S)

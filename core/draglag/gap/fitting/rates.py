@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from draglag.gap.constants import LEAST_PRECISION
 from draglag.gap.fitting.likelihood import HUBER_K
 from draglag.gap.fitting.model import LEAST_AMPLITUDE_S, LawParameters
 from draglag.gap.fitting.state import State
 from draglag.gap.fitting.whitening import Whitener
 from draglag.recording import FloatArray
 
-RATES_S_MM = np.geomspace(0.001, 0.06, 12)
-PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one
+RATES_S_MM = np.geomspace(0.001, 0.06, 12)  # closer than a valley is wide. Derived
+PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one. Derived
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def without_law(
     whole = white.apply(np.column_stack([residual_mm - v_n * law(speed_mm_s), -v_n, rest]))
     huber = 1 / np.sqrt(np.maximum(1.0, np.abs(white.apply(residual_mm)) / HUBER_K))[:, None]
     target, others = whole[:, 0] * huber[:, 0], whole[:, 1:] * huber
-    ridge = np.concatenate([[1e-9], prior])
+    ridge = np.concatenate([[LEAST_PRECISION], prior])
     spread = np.asarray(np.linalg.pinv(others.T @ others + np.diag(ridge), hermitian=True))
     return WithoutLaw(target, others, spread, others.T @ target, v_n, speed_mm_s, huber, white)
 
@@ -76,7 +77,7 @@ def pairs_at(white_system: WithoutLaw, plateau_mm_s: float, rates_s_mm: FloatArr
     cross = white_system.others.T @ slow
     gram = slow.T @ slow - cross.T @ white_system.spread @ cross
     pull = slow.T @ white_system.target - cross.T @ white_system.spread @ white_system.moment
-    own = np.diag(gram) + 1e-9
+    own = np.diag(gram) + LEAST_PRECISION
     i, j = np.triu_indices(rates_s_mm.size, 1)
     both = own[i] * own[j] - gram[i, j] ** 2
     sizes = np.column_stack([own[j] * pull[i] - gram[i, j] * pull[j], own[i] * pull[j] - gram[i, j] * pull[i]])

@@ -13,7 +13,7 @@ from draglag.gap.fitting.state import State, stepped
 from draglag.gap.fitting.whitening import Whitener
 from draglag.gap.traces.run_data import RunData
 
-MAY_STRAY = 0.1  # of the edges
+MAY_STRAY = 0.1  # of the edges: more, and a step has left the session. Judgement
 
 
 def cost_relative_to(white: Whitener, state: State, before: State, use: np.ndarray) -> tuple[float, np.ndarray]:

@@ -21,11 +21,12 @@ COLUMNS = {
 }
 """Effects that residuals show."""
 
-MARGIN = 0.1  # of the panel's width
-JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for
-MOMENTS = np.linspace(0.2, 0.8, 24)  # of the session: some runs have to lie before it and some after
-SPEEDS = np.linspace(0.02, 0.98, 24)  # of the span of ln v: where the latency may be another
-NARROW = LAW_LENGTH / 3  # of ln v, a standard deviation: its spectrum is beyond that of the curve's own form
+MARGIN = 0.1  # of the panel's width beyond its edges. Judgement
+JUMPS = np.linspace(0.06, 0.94, 24)  # of the edges from left to right: where a jump is looked for. Derived: cost
+MOMENTS = np.linspace(0.2, 0.8, 24)  # of the session: some runs have to lie before it and some after. Derived
+SPEEDS = np.linspace(0.02, 0.98, 24)  # of the span of ln v: where the latency may be another. Derived: cost
+# Of ln v, a standard deviation: its spectrum is beyond that of the curve's own form. Derived.
+NARROW = LAW_LENGTH / 3
 
 
 def view_of(placed: Placed, law: LawParameters, geometry: Geometry, width_mm: float) -> View:

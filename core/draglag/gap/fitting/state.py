@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from draglag.gap.constants import LEAST_PRECISION
 from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
 from draglag.gap.fitting.noise import timing_mm
 from draglag.gap.fitting.signatures import view_of
@@ -18,10 +19,9 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Signature, View
 
-FREE = 1e-12  # precision of an effect's size: none
-ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge
-STRAYED_S = 0.005  # placed by so much more or less than the model at that place, it has not converged
-FAR_MM = 1.5  # an edge this uncertain decides nothing
+ALL_BUT_ITS_OWN = 0.7  # share of a level that rests on one edge: others are no evidence of it. Judgement
+STRAYED_S = 0.005  # placed by so much more or less than the model at that place, it has not converged. Derived
+FAR_MM = 1.5  # an edge this uncertain decides nothing. Judgement: fifteen times the usual scatter
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def view_with_terms(
 
 def prior_of(terms: Sequence[Term], columns: Sequence[FloatArray]) -> FloatArray:
     """Prior precision of a step of each size."""
-    each = [max(effect_class(term.effect).prior_sd ** -2, FREE) for term in terms]
+    each = [max(effect_class(term.effect).prior_sd ** -2, LEAST_PRECISION) for term in terms]
     return np.repeat(each, [c.shape[1] for c in columns]).astype(float)
 
 

@@ -16,8 +16,9 @@ from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.effects.in_fits import Z95
 
 SCATTER = "scatter"
-WORTH_ITS_SIZE = 0.01  # of probability: below it an explanation counts as it stands, whatever its members' sizes
-REPORTED = 0.95  # of the mass
+# Of probability: below it an explanation counts as it stands, whatever its members' sizes. Derived: cost.
+WORTH_ITS_SIZE = 0.01
+REPORTED = 0.95  # of the mass. Judgement: the usual share
 
 
 @dataclass(frozen=True)

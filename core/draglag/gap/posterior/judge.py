@@ -20,9 +20,8 @@ from draglag.gap.proposing.proposals import refits_with, shown_by_edges, shown_b
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, column_of, effect_class
 
-DOUBT = 0.1  # probability of what has no name, from which on effects are looked for that columns show badly
-PROPOSED = 3  # effects that are then refitted
-LEAST_KEPT = 0.5  # of what is undone in traces: its column has put more than the half back (judgement)
+PROPOSED = 3  # effects that are then refitted. Derived: cost
+LEAST_KEPT = 0.5  # of what is undone in traces: its column has put more than the half back. Judgement
 Progress = Callable[[float, str], None]
 
 
@@ -44,7 +43,7 @@ def judged(
     first: Fit,
     allowed: Collection[str],
     unsure_ages: bool,
-    most_effects: int = constants.MOST_MEMBERS,
+    most_effects: int = constants.MOST_EFFECTS,
     progress: Progress = lambda fraction, text: None,
 ) -> Judgement:
     """Posterior over explanations, from a first fit; from one with the curve's own form if that is more probable than
@@ -158,12 +157,12 @@ def _probable(pool: Pool) -> list[Names]:
     for names, p in pool.probabilities().items():
         key = _effects_of(names)
         sets[key] = sets.get(key, 0.0) + p
-    return [names for names in sorted(sets, key=lambda n: -sets[n]) if sets[names] > DOUBT]
+    return [names for names in sorted(sets, key=lambda n: -sets[n]) if sets[names] > constants.DOUBT]
 
 
 def _in_doubt(pool: Pool) -> bool:
     unnamed = sum(p for names, p in pool.probabilities().items() if any(n.startswith(UNNAMED) for n in names))
-    return unnamed > DOUBT or unsound_share(pool, pool.best) > DOUBT
+    return unnamed > constants.DOUBT or unsound_share(pool, pool.best) > constants.DOUBT
 
 
 def _leading(pool: Pool, wanted: Names) -> Names:

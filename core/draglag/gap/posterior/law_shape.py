@@ -11,7 +11,7 @@ from draglag.gap.fitting.whitening import inner_products
 from draglag.gap.posterior.linear import Linear, Normal
 from draglag.recording import FloatArray
 
-DRAWS, SPEEDS, SEED = 4000, 30, 20260101
+DRAWS, SPEEDS = 4000, 30  # of the curve: a probability to 0.01. Derived
 
 
 def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scales_mm: tuple[float, ...]) -> float:
@@ -26,7 +26,7 @@ def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scal
     scale = 1 / np.sqrt(np.diag(information))
     root = np.linalg.cholesky(information * np.outer(scale, scale))
     mean = scale * solve_triangular(root.T, solve_triangular(root, scale * moment, lower=True))
-    noise = np.random.default_rng(SEED).standard_normal((mean.size, DRAWS))
+    noise = np.random.default_rng(constants.SEED).standard_normal((mean.size, DRAWS))
     draws = mean[:, None] + scale[:, None] * solve_triangular(root.T, noise)
     begin = linear.base.shape[1] + sum(p.shape[1] for p in parts[:which])
     own = draws[begin : begin + parts[which].shape[1]] * scales_mm[which]

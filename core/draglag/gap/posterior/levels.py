@@ -40,10 +40,11 @@ NOISE = {
 
 _MISFIT_MM = tuple(x for x in constants.MISFIT_MM if x >= constants.LEAST_MISFIT_MM)
 PARTS = NOISE | {"misfit_mm": Part(_MISFIT_MM, np.inf, _MISFIT_MM[-1])}
-"""Parts of the noise, and the scale of every tolerated shape, mm."""
+"""Parts of the noise, and the scale of every tolerated shape, mm. Derived: both together."""
 
 UNSURE_AGE_SD_S = 0.002
-"""Prior standard deviation of both latenesses where the stamps are sampled or rounded: a tick is 8 to 16 ms."""
+"""Prior standard deviation of both latenesses where the stamps are sampled or rounded: a tick is 8 to 16 ms.
+Physical."""
 
 
 def is_sound(levels: Components) -> bool:

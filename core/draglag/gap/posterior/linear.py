@@ -25,9 +25,8 @@ from draglag.gap.posterior.members import Member, members_of, of_unit_rms, smoot
 from draglag.recording import FloatArray, IntArray
 from draglag.simulation.effects import effect_class
 
-LEAST_PRECISION = 1e-9  # of parameters without a prior: 30 m and 30 ks
-ENOUGH = 0.5  # nats that one round over the levels still gains
-ROUNDS = 2  # over the levels
+ENOUGH = 0.5  # nats that one round over the levels still gains. Derived: below one
+ROUNDS = 2  # over the levels. Derived: cost
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ def linearised(
     members = (*(member for member in _own(fit) if member.name not in listed), *possible)
     base, prior, residual, law = _without_members(fit)
     tolerance = tolerance_of(fit, members)
-    precision = np.maximum(prior, LEAST_PRECISION)
+    precision = np.maximum(prior, constants.LEAST_PRECISION)
     whole = Whole(fit, members, residual, np.column_stack([base, tolerance]), precision, parts, unsure_ages, law)
     return _restricted(whole, edges)
 
@@ -168,7 +167,7 @@ def tolerance_of(fit: Fit, members: Sequence[Member]) -> FloatArray:
         blocks += [of_unit_rms(m.columns) for m in settings[::step]]
     columns = np.column_stack(blocks)
     left, size, _ = np.linalg.svd(columns, full_matrices=False)
-    leading = size * constants.MISFIT_MM[-1] > constants.LEAST_DIRECTION_MM * np.sqrt(columns.shape[0])
+    leading = size * constants.MISFIT_MM[-1] > constants.ROUNDING_MM * np.sqrt(columns.shape[0])
     return np.asarray(left[:, leading] * size[leading])
 
 

@@ -7,10 +7,11 @@ from functools import lru_cache
 import numpy as np
 
 from draglag.gap import constants
+from draglag.gap.constants import LEAST_PRECISION
 from draglag.gap.fitting.joint import Fit, effects_in
 from draglag.gap.fitting.noise import scatter
 from draglag.gap.fitting.parameters import parameters_of
-from draglag.gap.posterior.linear import LEAST_PRECISION, tolerance_of
+from draglag.gap.posterior.linear import tolerance_of
 from draglag.gap.posterior.members import members_of
 from draglag.recording import FloatArray
 from draglag.simulation.effects import EFFECTS

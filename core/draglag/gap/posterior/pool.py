@@ -91,7 +91,7 @@ def compared(
     allowed: Collection[str],
     unsure_ages: bool,
     without: Collection[str] = (),
-    most: int = constants.MOST_MEMBERS,
+    most: int = constants.MOST_EFFECTS,
     before: Pool | None = None,
     refuted: Collection[tuple[Names, Names]] = (),
 ) -> Pool:

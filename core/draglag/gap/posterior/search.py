@@ -41,7 +41,7 @@ class Search:
     linear: Linear
     normals: tuple[Normal, ...]
     without: frozenset[str] = frozenset()
-    most: int = constants.MOST_MEMBERS
+    most: int = constants.MOST_EFFECTS
     explanations: tuple[Explanation, ...] = field(repr=False, default=())
 
     @property
@@ -60,7 +60,7 @@ def searched(
     linear: Linear,
     normals: tuple[Normal, ...],
     without: Collection[str] = (),
-    most: int = constants.MOST_MEMBERS,
+    most: int = constants.MOST_EFFECTS,
 ) -> Search:
     """Explanations by beam search."""
     empty = Explanation(log_mass=float(logsumexp([n.base for n in normals])))
@@ -86,7 +86,7 @@ def searched(
         ranked = with_one_more(front, np.array([m.name == name for m in linear.members]) & ~barred)
         found |= {e.members: e for e in ranked}
         front = _front(linear, ranked)
-    for _ in range(constants.MOST_MEMBERS - len(own)):
+    for _ in range(constants.MOST_EFFECTS - len(own)):
         ranked = with_one_more(front, ~barred)
         found |= {e.members: e for e in ranked}
         front = _front(linear, ranked)

@@ -20,10 +20,11 @@ from draglag.simulation.rig import Rig
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-COARSE = 5  # grid points of the simulation between two points at which the trace is smoothed
-SMOOTHED = 31  # coarse points, about 0.15 s
-ROUNDS = 4
-ROUNDS_UNSTEADY = 10
+# Grid points of the simulation between two points at which the trace is smoothed. Derived: 5 ms, finer than any hand.
+COARSE = 5
+SMOOTHED = 31  # coarse points, about 0.15 s: a hand speeds up and slows down at 1 to 4 Hz. Physical
+ROUNDS = 4  # of the inversion of circles. Derived: cost
+ROUNDS_UNSTEADY = 10  # of the inversion of steps and chirps, which begin farther off. Derived
 
 
 def hand_motion(

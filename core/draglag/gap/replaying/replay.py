@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from draglag.errors import EstimateError
+from draglag.gap.constants import SEED
 from draglag.gap.fitting.joint import Fit, restrict
 from draglag.gap.fitting.model import residual_mm
 from draglag.gap.fitting.signatures import view_of
@@ -31,8 +32,7 @@ from draglag.system.blas import one_blas_thread
 
 Progress = Callable[[float, str], None]
 
-SEED = 20260101
-MATCH_S = 0.15  # a simulated edge farther from the measured one is another crossing
+MATCH_S = 0.15  # a simulated edge farther from the measured one is another crossing. Physical
 
 
 @dataclass(frozen=True)

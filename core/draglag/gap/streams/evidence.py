@@ -9,7 +9,7 @@ from draglag.gap.streams.stamps import StreamEffect, Streams, resolution_mm
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
-FEWEST = 50  # events of a run that is evidence
+FEWEST = 50  # events of a run that is evidence. Judgement
 
 
 def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:

@@ -7,9 +7,9 @@ import numpy as np
 from draglag.recording import Session
 
 FOLLOWS = "frame"
-FEWEST, PER_S = 10, 0.05  # a burst here and there is any host's
-HELD, AT_ONCE = 1.8, 0.25  # of the frames' interval
-HELD_S = 0.003  # beyond a frame; less is the jitter of a busy host, whatever the frames' rate
+FEWEST, PER_S = 10, 0.05  # bursts, and bursts a second: one here and there is any host's. Judgement
+HELD, AT_ONCE = 1.8, 0.25  # of the frames' interval: nearly two frames late, and the next at once. Derived
+HELD_S = 0.003  # beyond a frame; less is the jitter of a busy host, whatever the frames' rate. Physical
 
 
 def stalls(session: Session) -> bool:

@@ -11,11 +11,12 @@ import numpy as np
 
 from draglag.recording import FloatArray, Session, TouchTrace
 
-FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere
-CROWDED = 0.01  # of the stamps, that the one before is like: more than accidents make
-BEAT = 1.2  # of a tick: as far apart as rounding alone puts stamps
-SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000  # a panel's frame clock is even over the first, and a beat at most the second
-FEW = 0.5  # of all coordinates that may differ where they are whole steps
+FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere. Derived: 8 ms are 0.6 mm
+CROWDED = 0.01  # of the stamps, that the one before is like: more than accidents make. Judgement
+BEAT = 1.2  # of a tick: as far apart as rounding alone puts stamps. Derived
+# A panel's frame clock is even over the first, and a beat at most the second, in frames. Physical.
+SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000
+FEW = 0.5  # of all coordinates that may differ where they are whole steps. Judgement
 Found = TypeVar("Found")
 
 

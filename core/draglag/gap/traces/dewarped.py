@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from draglag.gap.constants import HAND_STEP_S, PADDED_S
 from draglag.path.events import sample_interval_s
 from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray
@@ -20,11 +21,9 @@ if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
 # Half the window of a speed, and half the span of a change of speed: a hand speeds up and slows down at 1–4 Hz, its
-# tremor is at 8–12 Hz. Both at most this share of the time in which the path turns by one radian.
+# tremor is at 8–12 Hz (physical). Both at most this share of the time in which the path turns by one radian.
 WIDTH_S, APART_S = 0.18, 0.05
 TURNING = 0.7
-PADDED_S = 1.0
-STEP_S = 0.004  # no finer than a hand's speed changes, whatever the panel's rate
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ class DewarpedKinematics:
 def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:
     """Speed of a trace. radius_mm, mean_mm_s: of a steady circle."""
     interval_s = sample_interval_s(t_s)
-    step_s = max(interval_s, STEP_S)
+    step_s = max(interval_s, HAND_STEP_S)
     grid_s = np.arange(t_s[0], t_s[-1], step_s)
     turning_s = TURNING * radius_mm / mean_mm_s if mean_mm_s and radius_mm else np.inf
     fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * interval_s), degree=2, roundness=3)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
+from draglag.gap.constants import HAND_STEP_S
 from draglag.gap.traces.dewarped import DewarpedKinematics
 from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay, before_s, delayed_speed_difference, delayed_speeds
 from draglag.gap.traces.local_fits import Traces, traces_of
@@ -21,15 +22,14 @@ from draglag.path.motion import speed_half_widths_s
 from draglag.recording import FloatArray, IntArray
 
 Law = Callable[[FloatArray], FloatArray]
-STRAIGHT_S = 0.001  # so near, a velocity and its rate of change predict a new fit
-NEAR_S = 0.004  # further, they do not
+STRAIGHT_S = 0.001  # so near, a velocity and its rate of change predict a new fit. Derived
 # Standard deviation of the window in which a panel's tracker takes a speed, of several reports at 60 to 120 Hz.
 # Calibrated: of 30, 50 and 80 ms the likeliest on 7 of 11 labelled sessions of three generators.
 TRACKED_S = 0.03
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
-ROUNDS, STEPS = 8, 6  # a step is at most 20 ms: a law may lie far off where a fit begins
-EXACT_S = 2e-5
-FEW = 0.002  # of all edges
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)  # exact for polynomials of degree 13. Derived
+ROUNDS, STEPS = 8, 6  # of new fits, and between them: a law may lie far off where a fit begins. Derived
+EXACT_S = 2e-5  # of a latency: 2 µm at 100 mm/s. Derived
+FEW = 0.002  # of all edges that may be left open: another placing goes on with them. Derived: cost
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def place(
 def _known_at(traces: Traces, at_s: FloatArray, there: FloatArray, made: FloatArray) -> NDArray[np.bool_]:
     """(edges,) whether position and speed rest on events near that time, without a loss of contact."""
     ok: NDArray[np.bool_] = (there[:, 7] > 0) & (made[:, 7] > 0) & (there[:, 8] < 1.5)
-    ok &= in_contact(traces.t_s, at_s, traces.losses_s) & (np.abs(at_s - made[:, 0]) < NEAR_S)
+    ok &= in_contact(traces.t_s, at_s, traces.losses_s) & (np.abs(at_s - made[:, 0]) < HAND_STEP_S)
     return ok
 
 
@@ -276,7 +276,7 @@ def _solved(
         by_s = np.where(fast[moving, 7] > 0, by_s, 0.0)
         speed[moving], step[moving] = now, by_s
         latency[moving] += by_s
-        moving = moving[(np.abs(by_s) >= EXACT_S) & (np.abs(edge_s + latency - fast[:, 0])[moving] <= NEAR_S)]
+        moving = moving[(np.abs(by_s) >= EXACT_S) & (np.abs(edge_s + latency - fast[:, 0])[moving] <= HAND_STEP_S)]
         if not moving.size:
             break
     return latency, speed, step

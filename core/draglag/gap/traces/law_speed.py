@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from draglag.gap.constants import PADDED_S
 from draglag.path.recursion import exponentially_smoothed, recursion
 from draglag.recording import FloatArray
 from draglag.simulation.law import USUAL_LATENCY_S
@@ -22,11 +23,11 @@ Law = Callable[[FloatArray], FloatArray]
 SpeedDelay = tuple[float, float]
 """(which, delay_s): the speed of ``delay_s`` before, 0; or 1, of that times the latency over the usual one, so that
 minus the usual latency is the speed of the moment of the report."""
-NO_DELAY: SpeedDelay = (0.0, 0.0)
+NO_DELAY: SpeedDelay = (0.0, 0.0)  # the present speed. Derived
+# Step along a run, and passes that solve for the law's speed there: no hand changes it faster. Physical.
 COARSE_S, PASSES = 0.01, 3
-DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # no hand changes its speed faster
-PADDED_S = 1.0
-LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it is taken for noise
+DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # the same for a speed of another moment. Physical
+LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it is taken for noise. Judgement
 
 
 def delayed_speeds(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:

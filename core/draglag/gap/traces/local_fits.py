@@ -10,21 +10,23 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_matrix
 
+from draglag.gap.constants import HAND_STEP_S
 from draglag.gap.traces.run_data import RunData
 from draglag.gap.traces.touch_noise import spread_of
 from draglag.path.events import sample_interval_s
 from draglag.path.local_fit import FitWeights, local_fit
 from draglag.recording import FloatArray, IntArray
 
-BETWEEN_S = 10.0  # longer than any window
-POSITION_STEP_S, SPEED_STEP_S = 0.0004, 0.001  # within half of it, a fit's own motion predicts a new fit
-CHANGE_STEP_S = 0.004  # so near, the accelerations of a hand are the same
+BETWEEN_S = 10.0  # between the traces of two runs: longer than any window. Derived
+# Within half of it, a fit's own motion predicts a new fit. Derived.
+POSITION_STEP_S, SPEED_STEP_S = 0.0004, 0.001
 # Half the span of a change of speed and half the window of each speed: beyond the reach of a position's own window; a
 # hand speeds up and slows down at 1–3 Hz, its tremor is at 8–12 Hz.
+# Physical.
 APART_S, WIDTH_S = 0.12, 0.13
-WIDTH_UNIT_S = 1e-5  # windows closer than this are one
-FURTHEST, WIDEST = (1 << 23) - 1, (1 << 20) - 1  # of what a key can hold: steps, units of a width
-SIZES = 2.0  # windows per doubling of their number of events that are fitted together
+WIDTH_UNIT_S = 1e-5  # windows closer than this are one. Derived
+FURTHEST, WIDEST = (1 << 23) - 1, (1 << 20) - 1  # of what a key can hold: steps, units of a width. Derived
+SIZES = 2.0  # windows per doubling of their number of events that are fitted together. Derived: cost
 
 Fitted = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 
@@ -133,7 +135,7 @@ class Traces:
         def make(at_s: FloatArray, _: FloatArray, edges: IntArray) -> FloatArray:
             return np.column_stack([at_s, *self._changes(at_s, edges), self._catching_up(at_s, edges)])
 
-        return Kept(make, self.edge_t_s, CHANGE_STEP_S)
+        return Kept(make, self.edge_t_s, HAND_STEP_S)
 
     def _fitted(self, at_s: FloatArray, half_s: FloatArray, gain: bool) -> FloatArray:
         out = np.empty((at_s.size, 8 + gain))

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from draglag.errors import EstimateError
+from draglag.gap.constants import HAND_STEP_S
 from draglag.gap.traces.dewarped import Shown, shown_speed
 from draglag.gap.traces.law_speed import COARSE_S
 from draglag.gap.traces.steep import wide_enough
@@ -23,19 +24,18 @@ from draglag.path.motion import best_half_width_s, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
 from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 
-FEWEST = 6  # edges a run must give to count
-GUESS_S = 0.06
-SEARCHED_S = (-0.15, 0.45)  # latencies: a clock may be off
-QUICK_S = 0.004  # no speed changes within less, whatever the panel's rate
-CUBIC_RAD = 0.85  # of a circle, over half a window: a cubic is true there to 0.2 % of the way off its centre line
-FINE_S = 0.004  # between events: finer ones are averaged, for every window is ten times as long
+FEWEST_EDGES = 6  # of a run that counts: latency, two widths and their scatter. Derived
+GUESS_S = 0.06  # of a latency where none is known. Physical: a usual touchscreen
+SEARCHED_S = (-0.15, 0.45)  # latencies: a clock may be off. Physical
+# Of a circle, over half a window: a cubic is true there to 0.2 % of the way off its centre line. Derived.
+CUBIC_RAD = 0.85
 
 
 @dataclass(frozen=True, eq=False)
 class RunData:
     """One run ready for the joint fit.
 
-    t_s, xy_mm: events, averaged if finer than ``FINE_S``; reported_s: each report. half_s: half window of positions.
+    t_s, xy_mm: events, means over ``HAND_STEP_S`` if finer; reported_s: each report. half_s: half window of positions.
     noise_mm: of one event. as_shown: the run before ``undone``. spread: (n, events shown) influence.
     """
 
@@ -85,7 +85,7 @@ class RunData:
     @cached_property
     def quick(self) -> tuple[FloatArray, FloatArray]:
         """Times and speeds (g,), in the shortest window that noise allows."""
-        step_s = max(sample_interval_s(self.t_s), QUICK_S)
+        step_s = max(sample_interval_s(self.t_s), HAND_STEP_S)
         grid_s = np.arange(self.t_s[0], self.t_s[-1], step_s)
         fit = local_fit(self.t_s, self.xy_mm, grid_s, float(np.median(self.speed_half_s)))
         return grid_s, np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok])
@@ -119,7 +119,7 @@ def gather(session: Session, estimates: Estimates = ()) -> tuple[RunData, ...]:
         except EstimateError:
             continue
         edges, estimate = ready.edges, None
-        if edges.t_s.size < FEWEST:
+        if edges.t_s.size < FEWEST_EDGES:
             continue
         if run.protocol in ("circle", "free"):
             known = next((one for other, one in estimates if other is run), None)
@@ -128,7 +128,7 @@ def gather(session: Session, estimates: Estimates = ()) -> tuple[RunData, ...]:
                 continue
             keep = np.isin(edges.t_s, estimate.alignment.edge_t_s)
             edges = edges.take(keep)
-        if edges.t_s.size < FEWEST:
+        if edges.t_s.size < FEWEST_EDGES:
             continue
         t_s, xy_mm = averaged(ready.touch.t_s, ready.xy_mm)
         widths = _widths(run, t_s, xy_mm, edges.t_s, estimate)
@@ -155,8 +155,8 @@ def gather(session: Session, estimates: Estimates = ()) -> tuple[RunData, ...]:
 
 
 def averaged(t_s: FloatArray, xy_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means (k,), (k, 2) within ``FINE_S``, not across contact losses."""
-    each = round(FINE_S / sample_interval_s(t_s)) if t_s.size > 2 else 1
+    """Means (k,), (k, 2) within ``HAND_STEP_S``, not across contact losses."""
+    each = round(HAND_STEP_S / sample_interval_s(t_s)) if t_s.size > 2 else 1
     if each < 2:
         return t_s, xy_mm
     piece = np.searchsorted(contact_losses(t_s)[:, 1], t_s, side="right")

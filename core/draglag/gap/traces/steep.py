@@ -12,10 +12,11 @@ from draglag.path.local_fit import local_fit
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
 
-WIDTHS_S = (0.05, 0.07, 0.095, 0.13, 0.18, 0.25)
-NOISE_S = 2e-4  # of latency, that noise of the speed may make: a third of what runs differ by anyway
-BEND_RAD = 1.2  # of the circle within half a window: a cubic's speed is then true to 1 %
-EVERY = 5
+WIDTHS_S = (0.05, 0.07, 0.095, 0.13, 0.18, 0.25)  # half windows that are tried, a factor of 1.4 apart. Derived
+# Of latency, that noise of the speed may make: a third of what runs differ by anyway. Derived.
+NOISE_S = 2e-4
+BEND_RAD = 1.2  # of the circle within half a window: a cubic's speed is then true to 1 %. Derived
+EVERY = 5  # edges, of which one is fitted: a median needs no more. Derived: cost
 
 
 def wide_enough(runs: tuple[RunData, ...]) -> tuple[RunData, ...]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from draglag.gap.constants import GIVEN_UP
 from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.likelihood import profile
 from draglag.gap.fitting.noise import scatter
@@ -34,17 +35,26 @@ ROUNDS = 2
 
 def shown_by_traces(before: Fit) -> float:
     """Nats by which another delay fits better than those of sound panels."""
-    found = delay_profile(before, [*USUAL, *FEW])
-    other, sound = np.max(found[len(USUAL) :]), np.max(found[: len(USUAL)])
-    return 0.5 * float(other - sound) if np.isfinite(sound) else 0.0
+    return _likeliest(before, FEW)[1]
+
+
+def _likeliest(before: Fit, options: Sequence[SpeedDelay]) -> tuple[SpeedDelay, float]:
+    """Likeliest option, and its nats over delays of sound panels, −∞ if none can be placed."""
+    found = delay_profile(before, [*USUAL, *options])
+    other, sound = found[len(USUAL) :], np.max(found[: len(USUAL)])
+    nats = 0.5 * float(np.max(other) - sound) if np.isfinite(sound) else 0.0
+    return options[int(np.argmax(other))], nats if np.isfinite(other).any() else -np.inf
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """Refits at the likeliest delay of a grid, at what is left of it, and at a longer one, as long as they gain."""
-    profile_ = delay_profile(before, OTHER)
-    if not np.isfinite(profile_).any():
+    """Refits at the likeliest delay of a grid, at what is left of it, and at a longer one, as long as they gain.
+
+    None where every delay is far less likely than those of sound panels: of 20 such refits none came up to them.
+    """
+    delay, nats = _likeliest(before, OTHER)
+    if nats < -GIVEN_UP:
         return []
-    term = Term(LaggingLaw.id, OTHER[int(np.argmax(profile_))], (0.0,))
+    term = Term(LaggingLaw.id, delay, (0.0,))
     best, out = before, list[Fit | None]()
     for _ in range(ROUNDS):
         fit = refit(session, before, [*before.terms, term])

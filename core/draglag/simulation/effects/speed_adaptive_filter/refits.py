@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.errors import EstimateError
+from draglag.gap.constants import LEAST_PRECISION
 from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.model import LawParameters, starting_law
-from draglag.gap.fitting.state import FREE, Term
+from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.run_data import as_shown
 from draglag.path.events import first_of_contact
@@ -68,7 +69,7 @@ def shown_share(before: Fit, setting: Setting) -> float:
     """Size of a filter's column next to the fit's terms, by one linear step: 1 where the filter is there."""
     column = SpeedAdaptiveFilter.signature_of(setting, before.view).columns(before.view)
     a = before.white.apply(np.column_stack([before.design, column]))
-    precision = np.diag(np.append(before.prior, FREE))
+    precision = np.diag(np.append(before.prior, LEAST_PRECISION))
     return float(
         (np.linalg.pinv(a.T @ a + precision, hermitian=True) @ (a.T @ before.white.apply(before.residual_mm)))[-1]
     )
