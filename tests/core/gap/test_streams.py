@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effects
 from draglag.simulation.effects.base import Edges
 from draglag.simulation.effects.laser_bounce import LaserBounce
+from draglag.simulation.effects.sample_hold.ages import uneven_age_s
 from draglag.simulation.effects.timestamp_quantisation.stream import evened
 
 SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
@@ -380,3 +382,13 @@ def test_positions_held_by_a_fast_loop_are_even_again(sound: Session) -> None:
     for run, original in zip(repaired.runs, sound.runs, strict=True):
         frame_s = float(np.median(np.diff(original.touch.t_s)))
         assert np.mean(np.abs(np.diff(run.touch.t_s) - frame_s) < 0.1 * frame_s) > 0.9
+
+
+def test_stamps_in_pairs_show_no_age_of_positions() -> None:
+    """Half of the steps are within a pair, so that the median is none: without even steps nothing is known of ages."""
+    frame_s = 0.008
+    t_s = np.append(0.0, np.cumsum(np.tile([1e-4, 2 * frame_s, 1e-4, 3 * frame_s], 300)))
+    trace = TouchTrace(t_s, 40 * np.cos(8 * t_s), 40 * np.sin(8 * t_s), np.ones(t_s.size, np.int64))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert uneven_age_s([trace]) == 0.0

@@ -8,6 +8,7 @@ from draglag.gap.streams.stamps import FAST_MM_S
 from draglag.recording import TouchTrace
 
 UNEVEN_AGE = 0.03  # of the interval between stamps
+FEWEST = 200  # steps of a run that shows the scatter of its ages
 REMAINING = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of it stay
 
 
@@ -31,7 +32,8 @@ def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
         chord, span_s = xy_mm[3:] - xy_mm[:-3], t_s[3:] - t_s[:-3]
         length = np.hypot(chord[:, 0], chord[:, 1])
         whole = (np.abs(span_s - 3 * frame_s) < 0.3 * frame_s) & (length > 0)
-        if np.count_nonzero(whole) < 200:
+        even = np.abs(np.diff(t_s) - frame_s) < 0.3 * frame_s  # none where frames come in batches
+        if min(np.count_nonzero(whole), np.count_nonzero(even)) < FEWEST:
             continue
         speed = float(np.median(length[whole] / span_s[whole]))
         if speed < FAST_MM_S:
@@ -45,7 +47,7 @@ def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
         # 1 + 9 + 9 + 1: what third differences make of the variance of single events.
         variance_s2 = (_robust_variance(along) - _robust_variance(across)) / 20 / speed**2
         variance_s2 -= step_mm**2 / 12 / speed**2  # the coordinate that hardly changes is rounded alike
-        stamps_s2 = 0.5 * _robust_variance(np.diff(t_s)[np.abs(np.diff(t_s) - frame_s) < 0.3 * frame_s])
+        stamps_s2 = 0.5 * _robust_variance(np.diff(t_s)[even])
         ages.append((speed, float(np.sqrt(max(variance_s2 - stamps_s2, 0.0)))))
     faster = sorted(ages)[len(ages) // 2 :]
     return float(np.median([age_s for _, age_s in faster])) if faster else 0.0
