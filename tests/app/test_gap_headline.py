@@ -169,6 +169,19 @@ def test_the_headline_names_cause_size_and_what_the_gap_becomes(capsys):
     assert rest.startswith("Unexplained")
 
 
+def test_what_is_less_probable_than_not_may_be_part_of_the_gap():
+    """The same in the window; one that is probable makes the sentence sure again."""
+    numbers = {"gap_first_mm": 2.7, "gap_last_mm": 0.22, "noise_floor_mm": 0.19}
+    doubted = replace(DRIFT, probability=0.25)
+    may_be = " (23.7 to 26.2; probability 0.25) may be part of the gap: 2.70 → 0.22 mm, noise 0.19. Unexplained"
+    made = replace(report("unexplained"), steps=(doubted,), **numbers)
+    assert may_be in headline(made)
+    assert may_be in in_window(made.to_dict())
+    both = replace(made, steps=(DRIFT, doubted))
+    assert " are part of the gap: 2.70 → 0.22 mm" in headline(both)
+    assert " are part of the gap: 2.70 → 0.22 mm" in in_window(both.to_dict())
+
+
 def test_an_effect_added_by_hand_is_no_part_of_a_gap_that_is_not_there():
     """The same in the window."""
     made = replace(report("no_gap"), steps=(replace(DRIFT, probability=0.19),))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from draglag.errors import DataError
-from draglag.gap.constants import DOUBT, SIZE_OF_INTEREST_MM
+from draglag.gap.constants import DOUBT, PROBABLE, SIZE_OF_INTEREST_MM
 from draglag.gap.results import (
     BY_TAPS,
     UNEXPLAINED,
@@ -95,6 +95,8 @@ def _causes(report: GapReport, sizes: str) -> str:
         named, change = ", ".join(map(cause_in_words, by_edges)), f"{report.gap_first_mm or 0.0:.2f} → {sizes}."
         one, whole = len(by_edges) == 1, report.verdict == "explained"
         verb = ("explains" if whole else "is part of") if one else "explain" if whole else "are part of"
+        if not whole and all(step.probability < PROBABLE for step in by_edges):
+            verb = "may be part of"
         tried = report.verdict == "no_gap"  # added by hand where there is no gap to be part of
         out.append(f"With {named}: {change}" if tried else f"{named[0].upper()}{named[1:]} {verb} the gap: {change}")
     for step in report.steps:

@@ -8,7 +8,7 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication
 
-from draglag.gap.constants import SIZE_OF_INTEREST_MM
+from draglag.gap.constants import PROBABLE, SIZE_OF_INTEREST_MM
 from draglag.gap.results import BY_TAPS, UNEXPLAINED, stated
 from draglag.gap.wording import LEAST_MISS_S, NOISE, also_possible
 from draglag_app.windows.wording.effect_words import effect_name, main_size
@@ -132,6 +132,7 @@ _PART = (
     QT_TRANSLATE_NOOP("Gap", "{causes} is part of the gap: {first} → {last} mm, noise {floor}."),
     QT_TRANSLATE_NOOP("Gap", "{causes} are part of the gap: {first} → {last} mm, noise {floor}."),
 )
+_MAY_BE = QT_TRANSLATE_NOOP("Gap", "{causes} may be part of the gap: {first} → {last} mm, noise {floor}.")
 _TRIED = QT_TRANSLATE_NOOP("Gap", "With {causes}: {first} → {last} mm, noise {floor}.")
 """For effects added by hand where there is no gap."""
 _OR = QT_TRANSLATE_NOOP("Gap", "{one} or {other}")
@@ -171,11 +172,14 @@ def check_words(report: dict[str, Any]) -> str:
 
 
 def _causes(report: dict[str, Any], sizes: dict[str, str]) -> list[str]:
-    by_edges = [_cause(step) for step in report["steps"] if step.get("covariate") != BY_TAPS]
+    edges = [step for step in report["steps"] if step.get("covariate") != BY_TAPS]
+    by_edges = [_cause(step) for step in edges]
     by_taps = [_cause(step) for step in report["steps"] if step.get("covariate") == BY_TAPS]
     out = []
     if by_edges:
         words = (_WHOLE if report["verdict"] == "explained" else _PART)[len(by_edges) > 1]
+        if report["verdict"] != "explained" and all(step["probability"] < PROBABLE for step in edges):
+            words = _MAY_BE
         first, causes = f"{report['gap_first_mm']:.2f}", ", ".join(by_edges)
         tried = report["verdict"] == "no_gap"
         words, causes = (_TRIED, causes) if tried else (words, _capital(causes))
