@@ -117,8 +117,7 @@ STATED_AT_MOST = 0.99
 
 NEXT_TO_UNNAMED = 0.5
 """Share of the names that are right where something else stays without one: the model they were compared in is
-incomplete. Calibrated: 14 of 33 (benchmark's seeds 52901, 60817 and 291130, 362 sessions); where nothing did, 75 of 77
-and 162 of 162."""
+incomplete. Calibrated: 14 of 33 names (benchmark's seeds 52901, 60817 and 291130, 478 sessions)."""
 
 TOLERATED_SETTINGS = 4
 """Settings of an effect whose columns are tolerated, evenly over its grid. Derived: neighbours are alike."""
