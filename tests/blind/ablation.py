@@ -10,6 +10,7 @@ import argparse
 import importlib
 import json
 import pkgutil
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -61,7 +62,7 @@ def constants_of(package: str = "draglag.gap") -> list[Constant]:
         source = Path(str(module.__file__)).read_text()
         for name, value in vars(module).items():
             number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if name.isupper() and number and f"\n{name}" in source:
+            if name.isupper() and number and re.search(rf"^(\w+, )*{name}\b", source, re.M):
                 found.append(Constant(module.__name__, name, value))
     return found
 
@@ -86,8 +87,9 @@ def _uses(module: ModuleType, own: ModuleType, name: str, value: object) -> bool
         return True
     if not getattr(module, "__name__", "").startswith("draglag") or vars(module).get(name) is not value:
         return False
-    # An equal small number under the same name may be another module's own.
-    return f"\n{name} = " not in Path(str(module.__file__)).read_text()
+    # An equal small number under the same name may be another module's own, or from a third one.
+    source = Path(str(module.__file__)).read_text()
+    return f"from {own.__name__} import" in source and f"\n{name} = " not in source
 
 
 def other_values(value: float) -> list[float]:

@@ -22,9 +22,9 @@ def test_a_constant_changes_where_it_is_imported_and_comes_back(constants):
 
 def test_a_constant_of_the_same_name_elsewhere_stays(constants):
     from draglag.gap import by_taps
-    from draglag.gap.traces import run_data
+    from draglag.gap.streams import evidence
 
-    elsewhere = vars(run_data)
+    elsewhere = vars(evidence)
     usual = elsewhere["FEWEST"]
     with changed(constants["draglag.gap.by_taps", "FEWEST"], 99):
         assert by_taps.FEWEST == 99
@@ -36,3 +36,7 @@ def test_a_constant_of_the_same_name_elsewhere_stays(constants):
 )
 def test_other_values_are_possible_ones(value, others):
     assert other_values(value) == pytest.approx(others)
+
+
+def test_the_second_of_two_names_is_a_constant_too(constants):
+    assert constants["draglag.gap.fitting.descent", "ATTEMPTS"].value == 4

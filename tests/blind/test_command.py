@@ -1,9 +1,11 @@
 """`draglag blind` as people meet it, without running the workflow."""
 
+import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -68,13 +70,18 @@ def test_ctrl_c_ends_it_and_its_workers():
         preexec_fn=hear_ctrl_c,
     )  # fmt: skip
     workers: list[int] = []
+    patience_s = time.monotonic() + 60
     try:
         while len(workers) < 3 and run.poll() is None:  # two, and the one that looks after what they share
+            assert time.monotonic() < patience_s, "no workers"
             workers = children(run.pid)
         run.send_signal(signal.SIGINT)  # to the main process alone
         _, said = run.communicate(timeout=120)
-    finally:
-        run.kill()
+    except BaseException:
+        for pid in (run.pid, *workers):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        raise
     assert run.returncode == 1, said
     assert "Traceback" not in said
     patience_s = time.monotonic() + 60

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from draglag.errors import DataError, EstimateError, message_of
-from draglag.gap.constants import DOUBT, PREDICTS_NATS, STATED_AT_MOST
+from draglag.gap.constants import DOUBT, PREDICTS_NATS, SEED, STATED_AT_MOST
 from draglag.gap.correction import without_effects
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks, squares_by_run
 from draglag.gap.fitting.joint import Fit, effects_in, fit_session
@@ -256,7 +256,7 @@ def shrinkage(before: Gap, after: Gap) -> Shrinkage:
         )
     old, new = squares_by_run(before.fit), squares_by_run(after.fit)
     shared = sorted(old.keys() & new.keys())
-    draws = np.random.default_rng(20260101).integers(0, max(len(shared), 1), (1000, max(len(shared), 1)))
+    draws = np.random.default_rng(SEED).integers(0, max(len(shared), 1), (1000, max(len(shared), 1)))
     interval = (float("nan"), float("nan"))
     if len(shared) > 1:
         table = np.array([(*old[k], *new[k]) for k in shared])[draws].sum(axis=1)

@@ -68,11 +68,12 @@ LEAST_PRECISION = 1e-9
 """Of a size without a prior: a standard deviation of 30 m, 30 ks. Derived."""
 
 HAND_STEP_S = 0.004
-"""s. Within less no hand changes speed or acceleration, so that no path needs a finer grid, whatever the panel's rate.
+"""s. Within less no hand changes speed or acceleration, so that no path needs a finer grid, whatever the panel's
+rate, and a local fit predicts its neighbours, but none farther off.
 Physical: a hand speeds up and slows down at 1 to 4 Hz and trembles at 8 to 12 Hz."""
 
 PADDED_S = 1.0
-"""s. Before and after a trace, where its ends are repeated: longer than any window. Derived."""
+"""s. Before and after a trace, where it is mirrored at its ends: longer than any window. Derived."""
 
 SEED = 20260101
 """Of draws that a report repeats: any. Derived."""
@@ -96,7 +97,8 @@ BEAM = 6
 
 GIVEN_UP = 8.0
 """nats. A size of sets whose best is by so much less probable than the best of all is not extended, a level of noise
-not kept, and a refit by so much less likely than without its last effect given up. Derived: e⁻⁸."""
+not kept, a refit by so much less likely than without its last effect given up, and no lagging law refitted where every
+delay is by so much less likely than those of sound panels. Derived: e⁻⁸."""
 
 ROUNDS = 6
 """Refits and new linearisations until the most probable set stays. Derived: cost; three are usual."""
@@ -117,7 +119,8 @@ STATED_AT_MOST = 0.99
 
 NEXT_TO_UNNAMED = 0.5
 """Share of the names that are right where something else stays without one: the model they were compared in is
-incomplete. Calibrated: 14 of 33 names (benchmark's seeds 52901, 60817 and 291130, 478 sessions)."""
+incomplete. Calibrated: 14 of 33 names, 0.42 ± 0.09 (benchmark's seeds 52901, 60817 and 291130, 478
+sessions)."""
 
 TOLERATED_SETTINGS = 4
 """Settings of an effect whose columns are tolerated, evenly over its grid. Derived: neighbours are alike."""
@@ -131,8 +134,8 @@ PREDICTS_NATS = 3.0
 change by hand must gain before it is reported to shrink the gap. Derived: a ratio of 20."""
 
 FEWEST_RUNS = 5
-"""Runs below which no scatter between runs counts, by a jackknife or in the predictive check. Derived: a standard
-deviation of fewer is known to half of itself."""
+"""Runs below which neither a jackknife nor the comparison with the session simulated again is made. Derived: a standard
+deviation of five is known to a third of itself."""
 
 UNLIKELY = 1e-4
 """Probability of a statistic's value under the simulation below which the two disagree. Judgement: one session in

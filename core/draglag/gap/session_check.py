@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from draglag.gap.traces.run_data import FEWEST_EDGES
+from draglag.latency.estimate import FEWEST_EDGES
 from draglag.messages import message, phrase
 from draglag.recording import FloatArray, Run, Session
 

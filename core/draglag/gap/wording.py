@@ -26,7 +26,7 @@ from draglag.simulation.effects import EFFECTS, column_of, effect_class, title_o
 from draglag.simulation.effects.parameter import amount, ends, parameter_of, sizes_in_words
 
 _DIGITS = 3  # of a size in a headline. Judgement
-FEWEST_STAMPS = 10  # for a rate. Derived
+FEWEST_STAMPS = 10  # stamps from which a rate is stated. Judgement
 LEAST_MISS_S = 5e-6  # smaller ones would be printed as 0.0 ms. Derived
 NOISE = {
     "touch": "touch noise",

@@ -30,6 +30,7 @@ from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects.lagging_law import refits as lagging
 from draglag.simulation.effects.speed_adaptive_filter import USUAL, SpeedAdaptiveFilter
 
 LIKELY = 4.0  # a difference of log-likelihood that means nothing
@@ -204,3 +205,23 @@ def test_traces_show_a_lagging_law_next_to_what_explains_more(also: tuple[str, .
     first = fit_session(session, gather(session))
     (skewed,) = refits_with(session, first, "scan_skew", ())
     assert (shown_by_traces(skewed, "lagging_law") > PROMISING) is bool(also)
+
+
+@pytest.mark.parametrize(
+    ("sound", "other", "made"),
+    [(0.0, -30.0, False), (0.0, 30.0, True), (-np.inf, 0.0, True), (0.0, -np.inf, False)],
+)
+def test_a_lagging_law_is_refitted_unless_every_delay_is_far_less_likely(
+    sound: float, other: float, made: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twice the log-likelihood of delays of sound panels, and of others; −∞ where too few edges can be placed."""
+    session = sound_sessions.brief("scan_skew=0.02")
+    sounds = len(lagging.USUAL)
+    monkeypatch.setattr(
+        lagging, "delay_profile", lambda fit, options: np.array([sound] * sounds + [other] * (len(options) - sounds))
+    )
+    asked: list[Term] = []
+    monkeypatch.setattr(lagging, "refit", lambda session, before, terms: asked.append(terms[-1]))
+    first = fit_session(session, gather(session))
+    assert lagging.refits(session, first, ()) == []
+    assert bool(asked) is made

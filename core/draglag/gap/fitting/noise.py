@@ -22,7 +22,7 @@ TREMOR_MM_S = (0.0, 1.5, 3.0, 6.0)
 UNEVEN = (0.1, 0.3)
 # Panels differ by about 0.7 ms from run to run; more is not noise but something missing. Physical.
 RUN_S = (0.0, 0.00025, 0.0005, 0.001)
-RUN_MM = (0.0, 0.05)
+RUN_MM = (0.0, 0.05)  # how the stylus is held differs. Physical (fact sheet on real screens)
 UNSTEADY = 0.2  # share of a chirp's or step's own range of latency by which its level may miss the law's. Judgement
 ACCEL_MEMORY_S = 0.08  # half the span that an acceleration is taken over. Derived
 SPEED_MEMORY_S = 0.15  # how long the hand's own unevenness, faster than the speed window, lasts. Physical

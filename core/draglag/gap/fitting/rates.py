@@ -14,7 +14,15 @@ from draglag.gap.fitting.whitening import Whitener
 from draglag.recording import FloatArray
 
 RATES_S_MM = np.geomspace(0.001, 0.06, 12)  # closer than a valley is wide. Derived
-PLATEAUS = (0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4)  # of the present one. Derived
+PLATEAUS = (
+    0.7,
+    0.8,
+    0.9,
+    1.0,
+    1.1,
+    1.25,
+    1.4,
+)  # factors of the present one that are tried. Derived: closer than its prior
 
 
 @dataclass(frozen=True)

@@ -35,12 +35,13 @@ NOISE = {
     "late_s": Part((0.0, 0.0002, 0.0004, 0.0007, 0.0012, 0.002, 0.003), 0.0004, 0.0007),
     "wander_s": Part((0.0, 0.0002, 0.0004, 0.0007, 0.0012, 0.002, 0.003), 0.0004, 0.0007),
 }
-"""Values: steps of a factor 1.4 or so, finer than a session knows them. Priors and the most of sound rigs: physical
+"""Parts of the noise: values that are tried, standard deviation of the prior, most of a sound rig. Values: steps of a
+factor 1.4 or so, finer than a session knows them. Priors and the most of sound rigs: physical
 (facts on hands, digitisers and sensors), checked on sound sessions of two generators."""
 
 _MISFIT_MM = tuple(x for x in constants.MISFIT_MM if x >= constants.LEAST_MISFIT_MM)
 PARTS = NOISE | {"misfit_mm": Part(_MISFIT_MM, np.inf, _MISFIT_MM[-1])}
-"""Parts of the noise, and the scale of every tolerated shape, mm. Derived: both together."""
+"""Parts of the noise, and the scale of every tolerated shape, mm. Derived from NOISE and MISFIT_MM."""
 
 UNSURE_AGE_SD_S = 0.002
 """Prior standard deviation of both latenesses where the stamps are sampled or rounded: a tick is 8 to 16 ms.

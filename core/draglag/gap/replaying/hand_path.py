@@ -20,7 +20,8 @@ from draglag.simulation.rig import Rig
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-# Grid points of the simulation between two points at which the trace is smoothed. Derived: 5 ms, finer than any hand.
+# Grid points of the simulation between two points at which the trace is smoothed. Derived: 5 ms, a
+# sixteenth of a period of tremor.
 COARSE = 5
 SMOOTHED = 31  # coarse points, about 0.15 s: a hand speeds up and slows down at 1 to 4 Hz. Physical
 ROUNDS = 4  # of the inversion of circles. Derived: cost

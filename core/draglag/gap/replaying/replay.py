@@ -325,7 +325,7 @@ def _between_runs(run: IntArray, values: FloatArray, across: FloatArray) -> tupl
         return (float("nan"), float("nan"))
     squares = np.array([np.sum(values[good & (run == k)] ** 2) for k in ids])
     levers = np.array([np.sum(across[good & (run == k)] ** 2) for k in ids])
-    draws = np.random.default_rng(20260101).integers(0, ids.size, (400, ids.size))
+    draws = np.random.default_rng(SEED).integers(0, ids.size, (400, ids.size))
     means = 1e3 * np.sqrt(squares[draws].sum(1) / np.maximum(levers[draws].sum(1), 1e-12))
     low, high = np.quantile(means, [0.025, 0.975])
     return float(low), float(high)

@@ -8,7 +8,7 @@ from draglag.recording import Session
 
 FOLLOWS = "frame"
 FEWEST, PER_S = 10, 0.05  # bursts, and bursts a second: one here and there is any host's. Judgement
-HELD, AT_ONCE = 1.8, 0.25  # of the frames' interval: nearly two frames late, and the next at once. Derived
+HELD, AT_ONCE = 1.8, 0.25  # of the frames' interval: a pause of nearly two, and the next event at once. Derived
 HELD_S = 0.003  # beyond a frame; less is the jitter of a busy host, whatever the frames' rate. Physical
 
 

@@ -24,9 +24,9 @@ SpeedDelay = tuple[float, float]
 """(which, delay_s): the speed of ``delay_s`` before, 0; or 1, of that times the latency over the usual one, so that
 minus the usual latency is the speed of the moment of the report."""
 NO_DELAY: SpeedDelay = (0.0, 0.0)  # the present speed. Derived
-# Step along a run, and passes that solve for the law's speed there: no hand changes it faster. Physical.
+# Steps along a run and passes that solve for the law's speed, which follows a hand of 1 to 4 Hz. Physical.
 COARSE_S, PASSES = 0.01, 3
-DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # the same for a speed of another moment. Physical
+DELAYED_STEP_S, DELAYED_PASSES = 0.03, 3  # the same for another moment's speed, without tremor. Physical
 LITTLE_SHOWN = 0.1  # of a change of speed's square: where no more is shown, it is taken for noise. Judgement
 
 

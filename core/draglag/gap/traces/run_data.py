@@ -15,7 +15,7 @@ from draglag.gap.traces.dewarped import Shown, shown_speed
 from draglag.gap.traces.law_speed import COARSE_S
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.conduct import Estimates
-from draglag.latency.estimate import RunEstimate, prepare
+from draglag.latency.estimate import FEWEST_EDGES, RunEstimate, prepare
 from draglag.latency.run import estimate_run
 from draglag.messages import message
 from draglag.path.events import contact_losses, sample_interval_s
@@ -24,7 +24,6 @@ from draglag.path.motion import best_half_width_s, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
 from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 
-FEWEST_EDGES = 6  # of a run that counts: latency, two widths and their scatter. Derived
 GUESS_S = 0.06  # of a latency where none is known. Physical: a usual touchscreen
 SEARCHED_S = (-0.15, 0.45)  # latencies: a clock may be off. Physical
 # Of a circle, over half a window: a cubic is true there to 0.2 % of the way off its centre line. Derived.

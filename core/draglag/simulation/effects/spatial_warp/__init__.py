@@ -85,12 +85,14 @@ class SpatialWarp(Effect):
     def _amplitudes_alike(cls, found: FittedTerm) -> list[tuple[float, float]]:
         """Amplitude intervals of all waves that the edges do not exclude; runs on a part of the panel hardly separate
         them."""
+        from draglag.gap.constants import LEAST_PRECISION
+
         fit, own = found.fit, found.own
         waves = [cls.signature_at((float(cycles),), fit.view).columns(fit.view) for cycles in CYCLES]
         others = np.delete(fit.design, own, axis=1)
         target = fit.residual_mm + fit.design[:, own] @ found.sizes
         white = fit.white.apply(np.column_stack([others, *waves, target]))
-        prior = np.diag(np.append(np.delete(fit.prior, own), [1e-12] * 2))
+        prior = np.diag(np.append(np.delete(fit.prior, own), [LEAST_PRECISION] * 2))
         p, alike = others.shape[1], []
         for k in range(CYCLES.size):
             a = np.column_stack([white[:, :p], white[:, p + 2 * k : p + 2 * k + 2]])
