@@ -49,7 +49,7 @@ def _likeliest(before: Fit, options: Sequence[SpeedDelay]) -> tuple[SpeedDelay, 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
     """Refits at the likeliest delay of a grid, at what is left of it, and at a longer one, as long as they gain.
 
-    Empty where every delay is by ``GIVEN_UP`` less likely than those of sound panels: such refits never gained.
+    Empty where every delay is by ``GIVEN_UP`` less likely than those of sound panels: none of four such refits gained.
     """
     delay, nats = _likeliest(before, OTHER)
     if nats < -GIVEN_UP:
