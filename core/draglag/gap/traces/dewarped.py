@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 
 from draglag.gap.constants import HAND_STEP_S, PADDED_S
 from draglag.path.events import sample_interval_s
@@ -37,12 +38,14 @@ class Shown:
     mean_mm_s: float
 
     @cached_property
-    def spectrum(self) -> tuple[int, FloatArray, np.ndarray]:
-        """Padding, angular frequencies (f,), spectrum (f,) of deviations from the mean speed."""
-        edge = min(round(PADDED_S / self.step_s), self.grid_s.size - 1)
-        speed = np.pad(self.speed_mm_s - self.mean_mm_s, edge, mode="reflect")
-        omega = np.asarray(2 * np.pi * np.fft.rfftfreq(speed.size, self.step_s), float)
-        return edge, omega, np.fft.rfft(speed)
+    def spectrum(self) -> tuple[slice, int, FloatArray, np.ndarray]:
+        """Place in the padded grid, its size, angular frequencies (f,), spectrum (f,) of deviations from the mean."""
+        n = self.grid_s.size
+        edge = min(round(PADDED_S / self.step_s), n - 1)
+        size = next_fast_len(n + 2 * edge, real=True)
+        speed = np.pad(self.speed_mm_s - self.mean_mm_s, (edge, size - n - edge), mode="reflect")
+        omega = np.asarray(2 * np.pi * np.fft.rfftfreq(size, self.step_s), float)
+        return slice(edge, edge + n), size, omega, rfft(speed)
 
 
 @dataclass(frozen=True)
@@ -80,13 +83,12 @@ class DewarpedKinematics:
         out, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
             shown, own = self.runs[k].shown, self.run == k
-            edge, omega, speed = shown.spectrum
+            inside, size, omega, speed = shown.spectrum
             smooth = np.exp(-0.5 * (omega * window_s) ** 2)
             amplified = 1 + max(shown.mean_mm_s * lag_s3_mm, 0.0) * omega**2 * smooth
             of = speed * 1j * omega * smooth / amplified
-            for values, part in ((out, of), (change, of * (1j * omega))):
-                at_grid = np.fft.irfft(part, shown.grid_s.size + 2 * edge)[edge : edge + shown.grid_s.size]
-                values[own] = np.interp(self.at_s[own], shown.grid_s, at_grid)
+            at_grid = irfft([of, of * (1j * omega)], size)[:, inside]
+            out[own], change[own] = (np.interp(self.at_s[own], shown.grid_s, values) for values in at_grid)
         return out, change
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -50,6 +50,13 @@ def delayed_speed_difference(data: RunData, law: Law, delay: SpeedDelay) -> tupl
     return shown.grid_s, then - own
 
 
+def padded(grid_s: FloatArray, speed_mm_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Times (g,), and speeds there and before and after, reflected: what was before a trace began is not known."""
+    t_s = np.arange(grid_s[0], grid_s[-1], DELAYED_STEP_S)
+    edge = min(round(PADDED_S / DELAYED_STEP_S), t_s.size - 1)
+    return t_s, np.pad(np.interp(t_s, grid_s, speed_mm_s), edge, mode="reflect")
+
+
 def before_s(delay: SpeedDelay, latency_s: FloatArray) -> FloatArray:
     """Time back from edges to the law's speed, (m,)."""
     which, delay_s = delay
@@ -96,25 +103,22 @@ def _changing(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, Float
 
 def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple[FloatArray, FloatArray]]:
     """Least-squares solution of v + τ ẇ = u. v̈ is penalised: near ω d = 3π/2 (−π/2 for later w) τ ẇ cancels v."""
-    times, shown = [], []
-    for data in runs:
-        grid_s, speed = data.quick
-        t_s = np.arange(grid_s[0], grid_s[-1], DELAYED_STEP_S)
-        edge = min(round(PADDED_S / DELAYED_STEP_S), t_s.size - 1)  # what was before a trace began is not known
-        times.append(t_s)
-        shown.append(np.pad(np.interp(t_s, grid_s, speed), edge, mode="reflect"))
+    times, shown = zip(*(data.padded for data in runs), strict=True)
     u = np.concatenate(shown)
     knots, falls = _falls(law, 1.5 * float(u.max()))
-    latency_s = law(knots)
     at = np.arange(u.size)
     v = u
-    delay_s = before_s(delay, np.interp(u, knots, latency_s))
+
+    def back_s(speed: FloatArray) -> FloatArray:
+        return before_s(delay, np.interp(speed, knots, law(knots)) if delay[0] else speed)
+
+    delay_s = back_s(u)
     smooth_s4 = LITTLE_SHOWN * (delay_s / np.where(delay_s > 0, 1.5 * np.pi, 0.5 * np.pi)) ** 4
     for _ in range(DELAYED_PASSES):
-        back = before_s(delay, np.interp(v, knots, latency_s)) / DELAYED_STEP_S
+        back = back_s(v) / DELAYED_STEP_S
         tau = v * np.interp(np.interp(at - back, at, v), knots, falls)
         v = np.maximum(_solved(u, tau / (2 * DELAYED_STEP_S), back, smooth_s4), 0.0)
-    w = np.interp(at - before_s(delay, np.interp(v, knots, latency_s)) / DELAYED_STEP_S, at, v)
+    w = np.interp(at - back_s(v) / DELAYED_STEP_S, at, v)
     ends = np.cumsum([part.size for part in shown])
     out = []
     for t_s, part, end in zip(times, shown, ends, strict=True):

@@ -12,7 +12,7 @@ from scipy.sparse import csr_matrix
 from draglag.errors import EstimateError
 from draglag.gap.constants import HAND_STEP_S
 from draglag.gap.traces.dewarped import Shown, shown_speed
-from draglag.gap.traces.law_speed import COARSE_S
+from draglag.gap.traces.law_speed import COARSE_S, padded
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import FEWEST_EDGES, RunEstimate, prepare
@@ -98,6 +98,11 @@ class RunData:
         """``quick`` at fewer times."""
         grid_s = np.arange(self.quick[0][0], self.quick[0][-1], COARSE_S)
         return grid_s, np.interp(grid_s, *self.quick)
+
+    @cached_property
+    def padded(self) -> tuple[FloatArray, FloatArray]:
+        """``quick`` at the few times of another moment's speed, see ``law_speed.padded``."""
+        return padded(*self.quick)
 
     @cached_property
     def shown(self) -> Shown:
