@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from scipy.special import logsumexp
@@ -182,24 +181,21 @@ def _by_names(search: Search) -> dict[Names, Found]:
     of_law = effects_in_law(fit)
     prior = len(of_law) * float(np.log(constants.P_EFFECT))
     falls = _falling(search)
+    alike: dict[tuple[int, ...], list[Explanation]] = {}  # the same members at hundreds of scales
+    for explanation in search.explanations:
+        alike.setdefault(explanation.members, []).append(explanation)
     masses: dict[Names, float] = {}
     best: dict[Names, Explanation] = {}
-    name_of = [member.name for member in search.linear.members]
-
-    @cache
-    def shapes(members: tuple[int, ...]) -> list[tuple[Names, float]]:
-        names = tuple(sorted([*(name_of[i] for i in members), *of_law]))
-        return _by_shape(names, falls) if inside.issubset(names) and one_law(names) else []
-
-    for explanation in search.explanations:  # thousands, most of them the same members at other scales
-        for named, log_share in shapes(explanation.members):
-            mass = explanation.log_mass + log_share
-            if named not in best:
-                masses[named], best[named] = mass, explanation
-                continue
-            masses[named] = float(np.logaddexp(masses[named], mass))
-            if explanation.log_mass > best[named].log_mass:
-                best[named] = explanation
+    for members, scaled in alike.items():
+        names = tuple(sorted([*(search.linear.members[i].name for i in members), *of_law]))
+        if not inside.issubset(names) or not one_law(names):
+            continue
+        whole = float(np.logaddexp.reduce([one.log_mass for one in scaled]))
+        likeliest = max(scaled, key=lambda one: one.log_mass)
+        for named, log_share in _by_shape(names, falls):
+            masses[named] = float(np.logaddexp(masses.get(named, -np.inf), whole + log_share))
+            if named not in best or likeliest.log_mass > best[named].log_mass:
+                best[named] = likeliest
     return {names: Found(mass + prior, search, best[names]) for names, mass in masses.items()}
 
 

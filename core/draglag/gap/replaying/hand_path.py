@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from draglag.gap.replaying.realised import held_s
+from draglag.gap.traces.edges import EXACT_S
 from draglag.gap.traces.run_data import RunData
 from draglag.path.local_fit import local_fit
 from draglag.path.savgol import smoothed
@@ -56,6 +57,8 @@ def hand_motion(
         step = np.clip(report.latency_s[coarse] + held_s(effects) - late, -0.03, 0.03)
         late = late + (1.0 if data.steady or k >= rounds - 2 else 0.5) * step
         moved = np.column_stack([report.x_mm - motion.x_mm, report.y_mm - motion.y_mm])[coarse]
+        if not moved.any() and np.max(np.abs(step)) < EXACT_S:
+            break
         if moved.any() and coarse.size > SMOOTHED:
             # A low-pass cannot be undone at frequencies it lets nothing of through: noise would grow at every round.
             moved = smoothed(moved, SMOOTHED, 3)

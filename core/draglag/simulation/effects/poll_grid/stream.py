@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.special import ndtr
@@ -24,6 +25,7 @@ WINDOWS = (64, 512)  # events over which the panel's clock keeps its phase
 FEWEST, ENOUGH = 16, 8000  # events of a window that counts; events that are enough
 PHASES = np.linspace(-1.3, 0.3, 48)  # of the first event of a window, in ticks
 JITTERS = (0.01, 0.03, 0.1, 0.25)  # of the panel's own frames, in ticks
+LATE = np.arange(-2.0, 3.0, JITTERS[0] / 20)  # ticks after a frame: beyond, no jitter reaches
 LOST = (0.003, 0.01)  # share of frames that do not arrive, where counting begins; of more than 1 % no beat is seen
 P_OUTLIER = 1e-3  # share of events that may be anywhere
 MIN_LOG_RATIO = 10.0  # nats
@@ -183,7 +185,9 @@ def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
 
 def _beat_in(windows: Sequence[IntArray]) -> tuple[float, float]:
     frame = _apart(windows)
-    by_beat = max(sum(_of_beat(w, frame, jitter) for w in windows) for jitter in JITTERS)
+    sizes = sorted({window.size for window in windows})
+    alike = [np.array([window for window in windows if window.size == size]) for size in sizes]
+    by_beat = float(np.max(sum(_of_beat(ticks, frame) for ticks in alike)))
     return by_beat - _of_neighbours(windows), frame
 
 
@@ -194,13 +198,21 @@ def _windows(tick: IntArray, most: int, longest: int) -> list[IntArray]:
     return [window for window in cut if window.size >= FEWEST]
 
 
-def _of_beat(tick: IntArray, frame: float, jitter: float) -> float:
-    """Log-likelihood of ticks (n,) under a beat."""
-    at = frame * np.arange(tick.size) + PHASES[:, None]
-    late = tick - tick[0] - at
-    each = ndtr(late / jitter) - ndtr((late - 1) / jitter)
-    of_phase = np.log((1 - P_OUTLIER) * each + P_OUTLIER / 4).sum(axis=1)
-    return float(np.logaddexp.reduce(of_phase) - np.log(PHASES.size))
+def _of_beat(ticks: IntArray, frame: float) -> FloatArray:
+    """Log-likelihoods (j,) at each jitter of the ticks of windows (w, n) under a beat, of any phase in each."""
+    at = frame * np.arange(ticks.shape[1]) + PHASES[:, None]
+    late = (ticks - ticks[:, :1])[:, None] - at
+    place = ((late - LATE[0]) / (LATE[1] - LATE[0]) + 0.5).clip(0, LATE.size - 1).astype(np.int32)
+    of_phase = np.array([log_p.take(place).sum(axis=2) for log_p in _log_probabilities()])
+    return np.asarray(np.sum(np.logaddexp.reduce(of_phase, axis=2) - np.log(PHASES.size), axis=1))
+
+
+@cache
+def _log_probabilities() -> FloatArray:
+    """Log probability (j, l) at each jitter of a tick that comes ``LATE`` after its frame."""
+    jitter = np.array(JITTERS)[:, None]
+    each = ndtr(LATE / jitter) - ndtr((LATE - 1) / jitter)
+    return np.asarray(np.log((1 - P_OUTLIER) * each + P_OUTLIER / 4))
 
 
 def _of_neighbours(windows: Sequence[IntArray]) -> float:
