@@ -6,6 +6,7 @@ import ast
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from string import Formatter
 
@@ -48,8 +49,13 @@ def error_classes() -> set[str]:
     return found
 
 
-def sentences() -> Iterator[Sentence]:
+@cache
+def sentences() -> tuple[Sentence, ...]:
     """Every sentence given to ``message``, and every one that an error is raised with."""
+    return tuple(_sentences())
+
+
+def _sentences() -> Iterator[Sentence]:
     taking = dict.fromkeys(error_classes(), (0, 1)) | _TAKE_LITERALS
     for package in PACKAGES:
         root = Path(package.__file__).parent
@@ -87,7 +93,8 @@ def shell_command(text: str) -> str:
     return "" if found is None else found[0]
 
 
-def texts_of_windows() -> set[str]:
+@cache
+def texts_of_windows() -> frozenset[str]:
     """Every string that the windows pass to a translating function."""
     found = set()
     for file in (Path(draglag_app.__file__).parent / "windows").rglob("*.py"):
@@ -101,7 +108,7 @@ def texts_of_windows() -> set[str]:
             for argument in node.args[min(place, len(node.args) - 1) :][:1]:
                 if isinstance(argument, ast.Constant) and isinstance(argument.value, str) and argument.value.strip():
                     found.add(argument.value)
-    return found
+    return frozenset(found)
 
 
 def example(template: str) -> Message:
