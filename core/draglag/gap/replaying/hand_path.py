@@ -58,7 +58,7 @@ def hand_motion(
         late = late + (1.0 if data.steady or k >= rounds - 2 else 0.5) * step
         moved = np.column_stack([report.x_mm - motion.x_mm, report.y_mm - motion.y_mm])[coarse]
         if not moved.any() and np.max(np.abs(step)) < EXACT_S:
-            break
+            break  # converged as closely as edges are placed
         if moved.any() and coarse.size > SMOOTHED:
             # A low-pass cannot be undone at frequencies it lets nothing of through: noise would grow at every round.
             moved = smoothed(moved, SMOOTHED, 3)

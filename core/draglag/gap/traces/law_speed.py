@@ -108,9 +108,10 @@ def _delayed(runs: Sequence[RunData], law: Law, delay: SpeedDelay) -> list[tuple
     knots, falls = _falls(law, 1.5 * float(u.max()))
     at = np.arange(u.size)
     v = u
+    latency_s = law(knots) if delay[0] else np.zeros(knots.size)  # asked for by a share of the latency alone
 
     def back_s(speed: FloatArray) -> FloatArray:
-        return before_s(delay, np.interp(speed, knots, law(knots)) if delay[0] else speed)
+        return before_s(delay, np.interp(speed, knots, latency_s) if delay[0] else speed)
 
     delay_s = back_s(u)
     smooth_s4 = LITTLE_SHOWN * (delay_s / np.where(delay_s > 0, 1.5 * np.pi, 0.5 * np.pi)) ** 4

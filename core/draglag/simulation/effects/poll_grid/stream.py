@@ -25,7 +25,9 @@ WINDOWS = (64, 512)  # events over which the panel's clock keeps its phase
 FEWEST, ENOUGH = 16, 8000  # events of a window that counts; events that are enough
 PHASES = np.linspace(-1.3, 0.3, 48)  # of the first event of a window, in ticks
 JITTERS = (0.01, 0.03, 0.1, 0.25)  # of the panel's own frames, in ticks
-LATE = np.arange(-2.0, 3.0, JITTERS[0] / 20)  # ticks after a frame: beyond, no jitter reaches
+# Ticks after a frame at which probabilities are looked up. Derived: eight standard deviations of the largest jitter on
+# either side, at steps of a twentieth of the smallest.
+LATE = np.arange(-8 * JITTERS[-1], 1 + 8 * JITTERS[-1], JITTERS[0] / 20)
 LOST = (0.003, 0.01)  # share of frames that do not arrive, where counting begins; of more than 1 % no beat is seen
 P_OUTLIER = 1e-3  # share of events that may be anywhere
 MIN_LOG_RATIO = 10.0  # nats
