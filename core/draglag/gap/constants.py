@@ -61,8 +61,9 @@ MEMORY_S = 0.5
 """s. Correlation time of a wandering lateness. Physical: a hand's pressure and tilt change within half a second."""
 
 ROUNDING_MM = 0.001
-"""mm. Rounding of the placing, whose square every variance has; directions of the tolerance that move edges by less
-(RMS, at its largest scale) are left out. Derived."""
+"""mm. Rounding of the placing, whose square every variance has; also the standard deviation (RMS) of a misfit in each
+direction that smooth shapes and columns of effects span, without those in which columns of 1 mm move edges by less:
+such errors may be of any shape. Derived."""
 
 LEAST_PRECISION = 1e-9
 """Of a size without a prior: a standard deviation of 30 m, 30 ks. Derived."""

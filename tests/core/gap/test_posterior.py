@@ -20,7 +20,7 @@ from draglag.gap.fitting.noise import Components, Scatter
 from draglag.gap.fitting.state import Term
 from draglag.gap.posterior.judge import likeliest
 from draglag.gap.posterior.levels import log_prior
-from draglag.gap.posterior.linear import Linear, normal
+from draglag.gap.posterior.linear import Linear, likeliest_levels, normal
 from draglag.gap.posterior.members import Member, of_unit_rms
 from draglag.gap.posterior.pool import compared
 from draglag.gap.posterior.search import searched, sizes_mm
@@ -30,6 +30,7 @@ from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
+MOVED = 1.5  # mm, of the tolerated direction
 LEVELS = Components(edge_mm=0.1, run_s=0.0, run_mm=0.0, late_s=0.0005, misfit_mm=0.005)
 
 
@@ -59,14 +60,14 @@ def linear(
         False,
         law,
         None,
-        cast("object", SimpleNamespace()),
+        cast("object", SimpleNamespace(moved=np.array([MOVED]))),
     )  # type: ignore[arg-type]
 
 
 def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_model() -> None:
     """Base and members integrated out by hand (Rasmussen & Williams, eq. 2.30).
 
-    r ~ N(0, C + A P⁻¹ Aᵀ + τ² T Tᵀ + Σ s² x xᵀ).
+    r ~ N(0, C + A P⁻¹ Aᵀ + (τ² k² + ρ²) T Tᵀ + Σ s² x xᵀ).
     """
     rng = np.random.default_rng(1)
     n = 40
@@ -74,7 +75,8 @@ def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_mo
     residual_mm = 0.3 * members[0].columns[:, 0] + 0.1 * rng.standard_normal(n)
     seen = linear(rng, residual_mm, members)
     local = 0.01 + LEVELS.edge_mm**2 + (LEVELS.late_s * seen.parts.late_mm_s) ** 2
-    covariance = np.diag(local) + seen.base @ np.diag([1 / 4.0, LEVELS.misfit_mm**2]) @ seen.base.T
+    tolerated_mm2 = (MOVED * LEVELS.misfit_mm) ** 2 + constants.ROUNDING_MM**2
+    covariance = np.diag(local) + seen.base @ np.diag([1 / 4.0, tolerated_mm2]) @ seen.base.T
     found = {e.members: e for e in searched(seen, (normal(seen, LEVELS),)).explanations}
     constant = multivariate_normal(np.zeros(n), covariance).logpdf(residual_mm) + log_prior(LEVELS, False)
     for k in range(2):
@@ -257,3 +259,14 @@ def test_a_pair_that_a_refit_refutes_is_judged_where_its_other_effect_is_fitted(
     assert judged_with[pair].search.linear.fit is skew
     assert pair not in compared(fits, set(pair), False, refuted={(pair, ("clock_drift",))}).found
     assert ("scan_skew",) in judged_with
+
+
+def test_the_noise_is_sized_at_the_fit_of_an_effect_that_has_no_column_too() -> None:
+    """A plateau is part of the law: with the noise of the fit without one it would be judged too unlikely."""
+    session = sound_sessions.with_plateau()
+    first = fit_session(session, gather(session))
+    with_plateau = fit_session(session, first.runs, (), True, first)
+    pool = compared([first, with_plateau], frozenset(), False)
+    linear = next(search.linear for search in pool.searches if search.linear.fit is with_plateau)
+    own = normal(linear, likeliest_levels(linear)).base
+    assert pool.found["low_speed_plateau",].log_mass > own + np.log(constants.P_EFFECT) - 0.5

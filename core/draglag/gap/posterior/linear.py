@@ -51,9 +51,13 @@ class Linear:
     whole: Whole
 
     def precision_at(self, levels: Components) -> FloatArray:
-        """Prior precision of the base columns, (p,)."""
-        tolerated = self.base.shape[1] - self.precision.size
-        return np.append(self.precision, np.full(tolerated, levels.misfit_mm**-2.0))
+        """Prior precision of the base columns, (p,).
+
+        Errors of the placing, as small as they are, may be of any shape: columns of a millimetre that are nearly alike
+        would make it.
+        """
+        tolerated_mm2 = (levels.misfit_mm * self.whole.moved) ** 2 + constants.ROUNDING_MM**2
+        return np.append(self.precision, 1 / tolerated_mm2)
 
     def on(self, edges: np.ndarray) -> Linear:
         """Linearisation on a mask of placed edges."""
@@ -78,13 +82,14 @@ class Normal:
 
 @dataclass(frozen=True)
 class Whole:
-    """``Linear`` on all edges of a fit."""
+    """``Linear`` on all edges of a fit. moved: see ``tolerance_of``."""
 
     fit: Fit
     members: tuple[Member, ...]
     residual_mm: FloatArray
     base: FloatArray
     precision: FloatArray
+    moved: FloatArray
     parts: Scatter
     unsure_ages: bool
     law: LawParameters
@@ -99,9 +104,10 @@ def linearised(
     listed = {member.name for member in possible}  # at every setting, with its share of the prior
     members = (*(member for member in _own(fit) if member.name not in listed), *possible)
     base, prior, residual, law = _without_members(fit)
-    tolerance = tolerance_of(fit, members)
+    tolerance, moved = tolerance_of(fit, members)
     precision = np.maximum(prior, constants.LEAST_PRECISION)
-    whole = Whole(fit, members, residual, np.column_stack([base, tolerance]), precision, parts, unsure_ages, law)
+    base = np.column_stack([base, tolerance])
+    whole = Whole(fit, members, residual, base, precision, moved, parts, unsure_ages, law)
     return _restricted(whole, edges)
 
 
@@ -155,8 +161,9 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawP
     return base, np.append(base_prior(nearest)[: len(nearest.step_sd)], prior[of_law:]), residual, nearest
 
 
-def tolerance_of(fit: Fit, members: Sequence[Member]) -> FloatArray:
-    """Leading directions (m, k) of misfit too small to matter, of one prior variance."""
+def tolerance_of(fit: Fit, members: Sequence[Member]) -> tuple[FloatArray, FloatArray]:
+    """Orthogonal directions (m, k), 1 mm RMS each, that smooth shapes and effects span, and by how many mm each moves
+    edges if all their columns are there at 1 mm RMS, (k,)."""
     blocks = [of_unit_rms(c) for c in smooth_columns(fit).values()]
     by_name: dict[str, list[Member]] = {}
     for member in members:
@@ -167,8 +174,9 @@ def tolerance_of(fit: Fit, members: Sequence[Member]) -> FloatArray:
         blocks += [of_unit_rms(m.columns) for m in settings[::step]]
     columns = np.column_stack(blocks)
     left, size, _ = np.linalg.svd(columns, full_matrices=False)
-    leading = size * constants.MISFIT_MM[-1] > constants.ROUNDING_MM * np.sqrt(columns.shape[0])
-    return np.asarray(left[:, leading] * size[leading])
+    unit = np.sqrt(columns.shape[0])
+    known = size > constants.ROUNDING_MM * unit
+    return np.asarray(left[:, known] * unit), np.asarray(size[known] / unit)
 
 
 def normal(linear: Linear, levels: Components) -> Normal:

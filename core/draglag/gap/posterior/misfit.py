@@ -33,11 +33,12 @@ def misfit_sd(fit: Fit, scales_mm: tuple[float, ...] = constants.MISFIT_MM) -> F
     own = {*effects_in(fit), *(term.effect for term in fit.terms)}
     parts = scatter(fit.runs, fit.placed, fit.use, fit.blur_mm)
     others = [member for member in members_of(fit, parts, frozenset(EFFECTS)) if member.name not in own]
-    tolerance = tolerance_of(fit, others)
+    tolerance, moved = tolerance_of(fit, others)
     white = fit.white.apply(np.column_stack([fit.design, tolerance, fit.residual_mm]))
     gram, moment = white[:, :-1].T @ white[:, :-1], white[:, :-1].T @ white[:, -1]
     prior = np.maximum(fit.prior, LEAST_PRECISION)
-    found = [_posterior(gram, moment, prior, scale_mm) for scale_mm in scales_mm]
+    precisions = [np.append(prior, (s * moved) ** -2.0) if s else prior for s in scales_mm]
+    found = [_posterior(gram, moment, precision, prior.size) for precision in precisions]
     evidence = np.array([value for value, _, _ in found])
     weight = np.exp(evidence - evidence.max())
     fitted = found[0][1]
@@ -46,12 +47,10 @@ def misfit_sd(fit: Fit, scales_mm: tuple[float, ...] = constants.MISFIT_MM) -> F
 
 
 def _posterior(
-    gram: FloatArray, moment: FloatArray, prior: FloatArray, scale_mm: float
+    gram: FloatArray, moment: FloatArray, precision: FloatArray, p: int
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Log evidence, and mean and variance (p,) of the parameters, with shapes of that scale; without any if 0."""
-    p = prior.size
-    n = moment.size if scale_mm else p
-    precision = np.append(prior, np.full(n - p, 1 / max(scale_mm, 1e-9) ** 2))
+    """Log evidence, and mean and variance of the first p columns. precision: prior, of the first n columns, (n,)."""
+    n = precision.size
     information = gram[:n, :n] + np.diag(precision)
     unit = 1 / np.sqrt(np.diag(information))
     value, vector = np.linalg.eigh(information * unit[:, None] * unit)
