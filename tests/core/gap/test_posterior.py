@@ -30,7 +30,7 @@ from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
-MOVED = 1.5  # mm, of the tolerated direction
+SINGULAR = 1.5  # of the tolerated direction
 LEVELS = Components(edge_mm=0.1, run_s=0.0, run_mm=0.0, late_s=0.0005, misfit_mm=0.005)
 
 
@@ -60,14 +60,14 @@ def linear(
         False,
         law,
         None,
-        cast("object", SimpleNamespace(moved=np.array([MOVED]))),
+        cast("object", SimpleNamespace(singular=np.array([SINGULAR]))),
     )  # type: ignore[arg-type]
 
 
 def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_model() -> None:
     """Base and members integrated out by hand (Rasmussen & Williams, eq. 2.30).
 
-    r ~ N(0, C + A P⁻¹ Aᵀ + (τ² k² + ρ²) T Tᵀ + Σ s² x xᵀ).
+    r ~ N(0, C + A P⁻¹ Aᵀ + (τ² σ² + ρ²) T Tᵀ + Σ s² x xᵀ).
     """
     rng = np.random.default_rng(1)
     n = 40
@@ -75,7 +75,7 @@ def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_mo
     residual_mm = 0.3 * members[0].columns[:, 0] + 0.1 * rng.standard_normal(n)
     seen = linear(rng, residual_mm, members)
     local = 0.01 + LEVELS.edge_mm**2 + (LEVELS.late_s * seen.parts.late_mm_s) ** 2
-    tolerated_mm2 = (MOVED * LEVELS.misfit_mm) ** 2 + constants.ROUNDING_MM**2
+    tolerated_mm2 = (SINGULAR * LEVELS.misfit_mm) ** 2 + constants.ROUNDING_MM**2
     covariance = np.diag(local) + seen.base @ np.diag([1 / 4.0, tolerated_mm2]) @ seen.base.T
     found = {e.members: e for e in searched(seen, (normal(seen, LEVELS),)).explanations}
     constant = multivariate_normal(np.zeros(n), covariance).logpdf(residual_mm) + log_prior(LEVELS, False)

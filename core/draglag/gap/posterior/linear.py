@@ -53,10 +53,10 @@ class Linear:
     def precision_at(self, levels: Components) -> FloatArray:
         """Prior precision of the base columns, (p,).
 
-        Errors of the placing, as small as they are, may be of any shape: columns of a millimetre that are nearly alike
-        would make it.
+        Errors of the placing may be of any shape. Without their variance in every direction, the difference of two
+        large columns that are nearly alike would explain them.
         """
-        tolerated_mm2 = (levels.misfit_mm * self.whole.moved) ** 2 + constants.ROUNDING_MM**2
+        tolerated_mm2 = (levels.misfit_mm * self.whole.singular) ** 2 + constants.ROUNDING_MM**2
         return np.append(self.precision, 1 / tolerated_mm2)
 
     def on(self, edges: np.ndarray) -> Linear:
@@ -82,14 +82,14 @@ class Normal:
 
 @dataclass(frozen=True)
 class Whole:
-    """``Linear`` on all edges of a fit. moved: see ``tolerance_of``."""
+    """``Linear`` on all edges of a fit. singular: of the tolerance, (k,)."""
 
     fit: Fit
     members: tuple[Member, ...]
     residual_mm: FloatArray
     base: FloatArray
     precision: FloatArray
-    moved: FloatArray
+    singular: FloatArray
     parts: Scatter
     unsure_ages: bool
     law: LawParameters
@@ -104,10 +104,10 @@ def linearised(
     listed = {member.name for member in possible}  # at every setting, with its share of the prior
     members = (*(member for member in _own(fit) if member.name not in listed), *possible)
     base, prior, residual, law = _without_members(fit)
-    tolerance, moved = tolerance_of(fit, members)
+    tolerance, singular = tolerance_of(fit, members)
     precision = np.maximum(prior, constants.LEAST_PRECISION)
     base = np.column_stack([base, tolerance])
-    whole = Whole(fit, members, residual, base, precision, moved, parts, unsure_ages, law)
+    whole = Whole(fit, members, residual, base, precision, singular, parts, unsure_ages, law)
     return _restricted(whole, edges)
 
 
@@ -162,8 +162,8 @@ def _without_members(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray, LawP
 
 
 def tolerance_of(fit: Fit, members: Sequence[Member]) -> tuple[FloatArray, FloatArray]:
-    """Orthogonal directions (m, k), 1 mm RMS each, that smooth shapes and effects span, and by how many mm each moves
-    edges if all their columns are there at 1 mm RMS, (k,)."""
+    """Orthogonal directions (m, k), 1 mm RMS each, that the columns of smooth shapes and effects span, and the singular
+    values (k,) of those columns, 1 mm RMS each, along them."""
     blocks = [of_unit_rms(c) for c in smooth_columns(fit).values()]
     by_name: dict[str, list[Member]] = {}
     for member in members:

@@ -143,7 +143,7 @@ def _likely_levels(
         out |= dict.fromkeys((*_and_sound(linear, found), *_and_sound(linear, sound)))
     search = _searched(linear, tuple(out), without, most)
     best = _own_best(search)
-    if best is not None and (best.members or seeds):  # an effect of the law has no column
+    if best is not None and (best.members or seeds):  # with an effect of the law best may have no member
         at_best = search.normals[int(np.argmax(log_evidence(search, best)))].levels
         levels = likeliest_levels(linear, best.members, best.scales_mm, at_best)
         out |= dict.fromkeys(_and_sound(linear, levels))
