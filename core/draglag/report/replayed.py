@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects import effect_class, title_of
 
 BINS = 12
+MOST_LABELS = 20  # of runs: more, at 45°, run into each other. Derived: the figure's width over a letter's height
 # Covariate of the gap report → how a view has it, and how people call it.
 AXES = {
     "speed": ("speed", "drag speed (mm/s)"),
@@ -156,7 +158,8 @@ def _draw_edge_differences(bottom: Any, before: Replay, models: Any) -> None:
         bottom.errorbar(at, middle, [low, high], color=colour, marker=marker, linestyle="", capsize=2, label=text)
     bottom.axhline(0, color=GREY, lw=0.8)
     labels = [f"{_speed(before, r):.0f}" if before.runs[r].measured else before.runs[r].protocol for r in order]
-    bottom.set_xticks(np.arange(len(order)), labels, rotation=45 if len(order) > 12 else 0)
+    every = max(1, ceil(len(order) / MOST_LABELS))
+    bottom.set_xticks(np.arange(len(order))[::every], labels[::every], rotation=45 if len(order) > 12 else 0)
     bottom.set_xlabel("runs, by drag speed (mm/s)")
     bottom.set_ylabel("simulated − measured edge (ms)")
     bottom.legend(loc="best")

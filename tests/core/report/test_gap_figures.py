@@ -6,7 +6,8 @@ import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,10 +18,12 @@ from draglag.drawing import style
 from draglag.exchange import read_exchange
 from draglag.gap import close_gap
 from draglag.gap.provisional import Provisional
+from draglag.gap.replaying.replay import Replay
 from draglag.gap.results import GapReport, Step
 from draglag.recording import Session
 from draglag.report.gap import write_gap_report
 from draglag.report.gap_figures import spread, waterfall
+from draglag.report.replayed import edges_figure
 
 SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
 NONE = np.zeros(2)
@@ -89,6 +92,28 @@ def test_names_below_the_bars_of_a_full_figure_do_not_run_into_each_other() -> N
         drawn.draw_without_rendering()
         boxes = [text.get_window_extent() for text in drawn.axes[0].get_xticklabels()]
     assert all(one.x1 < other.x0 for one, other in pairwise(boxes))
+
+
+@pytest.mark.parametrize("runs", [14, 42, 200])
+def test_speeds_below_the_runs_of_a_long_session_do_not_run_into_each_other(runs: int) -> None:
+    speeds_mm_s = np.geomspace(40, 1000, runs)
+    run = np.repeat(np.arange(runs), 10)
+    measured_s = np.arange(run.size, dtype=float)
+    each: Any = [
+        SimpleNamespace(id=f"run-{k}", protocol="circle", measured=SimpleNamespace(speed_mm_s=v))
+        for k, v in enumerate(speeds_mm_s)
+    ]
+    falling, nothing = np.tile([True, False], run.size // 2), cast("Any", None)
+    replay = Replay((), nothing, tuple(each), run, measured_s, measured_s, falling, np.ones(run.size), nothing, ())
+    with style.house_style():
+        drawn = edges_figure(replay, replay)
+        drawn.draw_without_rendering()
+        labels = drawn.axes[1].get_xticklabels()
+        middles = [np.mean([text.get_window_extent().x0, text.get_window_extent().x1]) for text in labels]
+    height = labels[0].get_fontsize() * drawn.dpi / 72
+    assert labels[0].get_rotation() == 45
+    assert len(labels) >= 10
+    assert np.diff(middles).min() * np.sin(np.radians(45)) > height  # between lines of text that lie at 45°
 
 
 @pytest.fixture(scope="module")
