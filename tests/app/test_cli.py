@@ -209,7 +209,7 @@ def test_a_bug_is_one_line_and_a_saved_traceback(tmp_path: Path, monkeypatch: py
         raise ZeroDivisionError("secret detail")
 
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    monkeypatch.setattr("draglag.store.read_session", broken)
+    monkeypatch.setattr("draglag.store.read_with_state", broken)
     line = one_line(run("analyze", "s.h5"))
     assert "unexpected ZeroDivisionError" in line
     log = Path(line.split("file ")[-1].rstrip("."))

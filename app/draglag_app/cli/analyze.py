@@ -27,7 +27,7 @@ from draglag_app.cli.common import (
     checksum,
     json_option,
     keep_result,
-    load_session,
+    load_with_state,
     now_utc,
     number,
     print_json,
@@ -179,7 +179,8 @@ def _one(
     as_json: bool,
 ) -> None:
     _refuse_early(session, bool(save), report, save_model)
-    data, correction = _corrected(load_session(session), model_path, options.stylus_mm)
+    read, state = load_with_state(session)
+    data, correction = _corrected(read, model_path, options.stylus_mm)
     refuse_unknown_runs(session, data, {*options.exclude, *options.include})
     with progress("Analysing") as done:
         analysis = analyze_session(data, options, done)
@@ -187,7 +188,7 @@ def _one(
     if correction is not None:
         result |= {"model": str(model_path), **correction.to_dict()}
     if save is not False:
-        keep_result(session, result, options.kept(str(model_path or "")), must=bool(save))
+        keep_result(session, state, result, options.kept(str(model_path or "")), must=bool(save))
     _write(session, data, analysis, save_model, report)
     _print(analysis, result, correction, model_path, as_json)
     _refuse_without_latency(session, analysis)

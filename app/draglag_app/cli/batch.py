@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from draglag.errors import DraglagError
 from draglag.provenance import is_simulated
 from draglag.recording import Session
 from draglag_app.cli.common import keep_result
+
+if TYPE_CHECKING:
+    from draglag.store import FileState
 
 AT_MM_S = (50.0, 100.0, 200.0, 400.0, 800.0)  # speeds at which a row has the curve: each twice the one before
 SHOWN = 40  # points of a sparkline, of some 160 pixels
@@ -65,11 +68,11 @@ class Analysing:
     def _done(self, path: Path) -> Outcome:
         from draglag.analysis.tables import run_rows
 
-        session = _load(path)
+        session, state = _load(path)
         analysis = analyze(session, self.options)
         result = analysis.to_dict()
         if self.save is not False:
-            keep_result(path, result, self.options.kept(), must=bool(self.save))
+            keep_result(path, state, result, self.options.kept(), must=bool(self.save))
         row = _about(path, session) | _analysis_row(analysis)
         if not row["n_latencies"]:
             row["problem"] = "no run gave a latency"
@@ -92,7 +95,7 @@ class FindingGap:
         from draglag.gap.workflow import close_gap
         from draglag.simulation.effects import EFFECTS
 
-        session = _load(path)
+        session, _ = _load(path)
         found = close_gap(session, self.max_effects, [e for e in EFFECTS if e not in self.without], None, self.include)
         row = _about(path, session) | {
             "verdict": found.verdict,
@@ -123,10 +126,14 @@ def _or_problem(path: Path, work: Any) -> Outcome:
     return Outcome(str(path), {"file": str(path), "problem": problem}, problem=problem)
 
 
-def _load(path: Path) -> Session:
+def _load(path: Path) -> tuple[Session, FileState | None]:
+    if path.is_file() and path.name != "session.json":
+        from draglag.store import read_with_state
+
+        return read_with_state(path)
     from draglag.face import read
 
-    return read(path)
+    return read(path), None
 
 
 def _about(path: Path, session: Session) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +18,9 @@ from draglag.errors import DataError, cause, one_line
 from draglag.messages import message
 from draglag.reading.limits import WHOLE_MOST
 from draglag.recording import LogEntry, Session
+
+if TYPE_CHECKING:
+    from draglag.store import FileState
 
 Progress = Callable[[float, str], None]
 # A name has 255 bytes on Linux's file systems; what grows under it for a while has a longer one (store, temporary).
@@ -47,15 +50,20 @@ json_option = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 def load_session(path: Path) -> Session:
     """A session file or exchange folder. Raises DataError."""
+    return load_with_state(path)[0]
+
+
+def load_with_state(path: Path) -> tuple[Session, FileState | None]:
+    """As ``load_session``, and the state of a session file when it was read."""
     if path.is_dir() or path.name == "session.json":
         from draglag.exchange import read_exchange
 
         session = read_exchange(path if path.is_dir() else path.parent)
         say_warnings(session.notes)
-        return session
-    from draglag.store import read_session
+        return session, None
+    from draglag.store import read_with_state
 
-    return read_session(path)
+    return read_with_state(path)
 
 
 @contextmanager
@@ -82,10 +90,13 @@ def refuse_unknown_runs(path: Path, session: Session, ids: Iterable[str]) -> Non
         )
 
 
-def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any], must: bool) -> None:
+def keep_result(
+    path: Path, analysed: FileState | None, result: Mapping[str, Any], options: Mapping[str, Any], must: bool
+) -> None:
     """Store a result in its session file; failure is a warning, or a DataError if ``must``.
 
-    Without ``must``, exchange folders and journals, which keep none, are no failure.
+    analysed: state of the file when it was read. Without ``must``, exchange folders and journals, which keep none, are
+    no failure.
     """
     from draglag.store import add_analysis
     from draglag.store.journal import is_journal
@@ -93,7 +104,7 @@ def keep_result(path: Path, result: Mapping[str, Any], options: Mapping[str, Any
     if not must and (not path.is_file() or path.name == "session.json" or is_journal(path)):
         return
     try:
-        add_analysis(path, result, options, now_utc())
+        add_analysis(path, result, options, now_utc(), analysed)
     except DataError as error:
         if must:
             raise

@@ -13,7 +13,7 @@ from draglag.errors import DataError, DraglagError, cause
 from draglag.messages import message
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
-from draglag.store import add_analysis, read_session
+from draglag.store import add_analysis, read_with_state
 from draglag.system.packages import need
 from draglag_app.cli.common import Seed
 from draglag_app.cli.record import record_with, session_options
@@ -56,10 +56,11 @@ def demo(out: Path, screen_name: str, seed: int | None, window: bool) -> None:
             message("{path}: cannot be made ({why})", path=out, why=cause(error)), "Choose a folder you may write"
         ) from None
     record_with(protocol, rig, None, path, session_options(rig, screen_name, seed))
-    session = read_session(path)
+    session, state = read_with_state(path)
     options = AnalysisOptions()
     analysis = analyze(session, options)
-    add_analysis(path, analysis.to_dict(), options.kept(), datetime.now(UTC).isoformat(timespec="seconds"))
+    made = datetime.now(UTC).isoformat(timespec="seconds")
+    add_analysis(path, analysis.to_dict(), options.kept(), made, state)
     report = write_report(session, analysis, out)
     click.echo("\n".join(summary(session, analysis)))
     click.echo("\n" + "\n".join(f"{what:<9}{where}" for what, where in [("session", path), ("report", report)]))

@@ -16,7 +16,7 @@ from draglag.errors import DraglagError
 from draglag.protocol.runs import Protocol, load_protocol
 from draglag.provenance import is_simulated
 from draglag.recording import Session
-from draglag.store import PARTIAL, add_analysis, read_analyses, read_session
+from draglag.store import PARTIAL, FileState, add_analysis, read_analyses, read_with_state
 from draglag_app.windows.bridge import SessionBridge
 from draglag_app.windows.parts.recent_menu import remembered
 from draglag_app.windows.parts.tasks import Progress, Tasks
@@ -71,6 +71,7 @@ class Workspace(QObject):
         self.protocol = self._first_protocol()
         self.session: Session | None = None
         self.path: Path | None = None
+        self.state: FileState | None = None
         self.analysis: Analysis | None = None
         self.options = AnalysisOptions()
         self.comments: dict[str, str] = {}  # on runs of the session at hand
@@ -117,21 +118,27 @@ class Workspace(QObject):
     def open(self, path: Path, done: Callable[[], object] | None = None) -> None:
         """Read a session file in a worker, then analyse it; ``done`` is called once read."""
 
-        def take(got: tuple[Session, dict[str, str]]) -> None:
-            self.take(got[0], path, got[1])
+        def take(got: tuple[Session, FileState, dict[str, str]]) -> None:
+            self.take(got[0], path, got[2], got[1])
             self.change_settings(recent=tuple(remembered(path, self.settings.recent)))
             if done is not None:
                 done()
 
-        def work(progress: Progress) -> tuple[Session, dict[str, str]]:
+        def work(progress: Progress) -> tuple[Session, FileState, dict[str, str]]:
             progress(0.1, path.name)
-            return read_session(path), kept_comments(path)
+            return *read_with_state(path), kept_comments(path)
 
         self.tasks.start(self.tr("Reading"), work, take, self.fault)
 
-    def take(self, session: Session, path: Path | None, comments: Mapping[str, str] | None = None) -> None:
-        """Open and analyse a session; ``comments``: by run."""
-        self.session, self.path, self.analysis = session, path, None
+    def take(
+        self,
+        session: Session,
+        path: Path | None,
+        comments: Mapping[str, str] | None = None,
+        state: FileState | None = None,
+    ) -> None:
+        """Open and analyse a session; ``comments``: by run; ``state``: of its file when it was read."""
+        self.session, self.path, self.state, self.analysis = session, path, state, None
         self.comments = dict(comments or {})
         self.options = replace(self.options, exclude={}, include=frozenset(), stylus_mm=None)  # of the session before
         self.undo.clear()
@@ -203,14 +210,14 @@ class Workspace(QObject):
 
     def keep_analysis(self) -> None:
         """Store the analysis in the session's file."""
-        path, analysis = self.path, self.analysis
+        path, analysis, state = self.path, self.analysis, self.state
         if path is None or analysis is None:
             return
         options = analysis.options.kept() | ({"comments": dict(self.comments)} if self.comments else {})
         made = datetime.now(UTC).isoformat(timespec="seconds")
 
         def work(progress: Progress) -> int:
-            return add_analysis(path, analysis.to_dict(), options, made)
+            return add_analysis(path, analysis.to_dict(), options, made, state)
 
         def done(number: int) -> None:
             text = self.tr("The results are kept in {file} as analysis {number}.")

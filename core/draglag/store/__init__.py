@@ -5,13 +5,15 @@ from draglag.store.build import write_session
 from draglag.store.journal import PARTIAL
 from draglag.store.leftovers import clear_leftovers
 from draglag.store.migrate import migrate
-from draglag.store.read import open_columns, read_session
+from draglag.store.read import open_columns, read_session, read_with_state
 from draglag.store.salvage import Salvaged, final_name, partial_files, salvage
+from draglag.store.state import FileState
 from draglag.store.verify import Finding, check_session, grade, verify
 from draglag.store.writer import SessionWriter
 
 __all__ = [
     "PARTIAL",
+    "FileState",
     "Finding",
     "Salvaged",
     "SessionWriter",
@@ -26,6 +28,7 @@ __all__ = [
     "partial_files",
     "read_analyses",
     "read_session",
+    "read_with_state",
     "salvage",
     "to_json",
     "verify",

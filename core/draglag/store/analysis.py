@@ -8,6 +8,7 @@ import os
 import shutil
 import stat
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from draglag.store.checksum import raw_checksum
 from draglag.store.journal import is_journal
 from draglag.store.lowlevel import put_node
 from draglag.store.nexus import CURVE, mark
-from draglag.store.safely import open_session, short, text_attr
+from draglag.store.safely import named_errors, open_hdf5, open_session, short, text_attr
 from draglag.store.schema import (
     Column,
     Node,
@@ -30,6 +31,7 @@ from draglag.store.schema import (
     Value,
     encode,
 )
+from draglag.store.state import FileState, file_identity
 from draglag.system.temporary import temporary_for
 
 _SOFTWARE = f"draglag {draglag.__version__}"
@@ -53,12 +55,20 @@ class StoredAnalysis:
     up_to_date: bool
 
 
-def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[str, Any], created_utc: str = "") -> int:
-    """The number (1, 2 …) of the stored result; an equal one already stored keeps its number. Raises DataError."""
+def add_analysis(
+    path: Path | str,
+    result: Mapping[str, Any],
+    options: Mapping[str, Any],
+    created_utc: str = "",
+    analysed: FileState | None = None,
+) -> int:
+    """The number (1, 2 …) of the stored result; an equal one already stored keeps its number.
+
+    analysed: state of the file when the session was read. Raises DataError, also where the raw data are others now.
+    """
     path = Path(path).resolve()
-    with open_session(path) as file:
+    with _checked(path, analysed) as (file, checksum):
         number = 1 + max((int(name) for name in file.get("analysis", ()) if name.isdecimal()), default=0)
-        checksum = raw_checksum(file)
         for name in filter(str.isdecimal, file.get("analysis", ())):
             if _is_same(file[f"analysis/{name}"], result, options, checksum):
                 return int(name)
@@ -85,6 +95,20 @@ def add_analysis(path: Path | str, result: Mapping[str, Any], options: Mapping[s
             message("{path}: cannot be written ({why})", path=path, why=short(error)), "Check rights and free space"
         ) from error
     return number
+
+
+@contextmanager
+def _checked(path: Path, analysed: FileState | None) -> Iterator[tuple[Any, str]]:
+    """Yields the file and the checksum of its raw data; an unchanged file is not checked again."""
+    if analysed is not None and path.is_file() and file_identity(path) == analysed.identity:
+        with named_errors(path), open_hdf5(path) as file:
+            yield file, analysed.raw_sha256
+        return
+    with open_session(path) as file:
+        checksum = raw_checksum(file)
+        if analysed is not None and checksum != analysed.raw_sha256:
+            raise DataError(message("{path}: has other raw data now than were analysed", path=path), "Analyse it again")
+        yield file, checksum
 
 
 def read_analyses(path: Path | str) -> list[StoredAnalysis]:

@@ -16,10 +16,11 @@ _SIGNALS = {"touch": ("y_mm", ("x_mm",)), "laser": ("light", ()), "display": ("y
 
 
 def mark(file: Any) -> None:
-    """Mark every group, and the default plot: latency against speed, else touches."""
+    """Mark every group that is not marked yet, and the default plot: latency against speed, else touches."""
     runs, analyses = file.get("runs", {}), file.get("analysis", {})
     for run in runs.values():
-        _mark_run(run)
+        if "NX_class" not in run.attrs:
+            _mark_run(run)
     for result in analyses.values():
         _mark_result(result)
     drawn = [name for name in sorted(filter(str.isdecimal, analyses), key=int) if CURVE in analyses[name]]

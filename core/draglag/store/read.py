@@ -43,6 +43,7 @@ from draglag.store.safely import (
     text_attr,
 )
 from draglag.store.sense import check_times
+from draglag.store.state import FileState, file_identity
 from draglag.store.stored import stored_columns
 
 Columns = Callable[[Any, schema.Table], dict[str, Any]]
@@ -58,9 +59,16 @@ def read_session(path: Path | str) -> Session:
 
     Raises DataError: no such file, not a session, damaged, links out of the file, a future version, impossible times.
     """
+    return read_with_state(path)[0]
+
+
+def read_with_state(path: Path | str) -> tuple[Session, FileState]:
+    """As ``read_session``, and the state of the file that was read."""
     path = Path(path)
     with open_recorded(path) as file:
-        return _checked(file, path, read_columns)
+        identity = file_identity(path)
+        session, checksum = _checked(file, path, read_columns)
+        return session, FileState(identity, checksum)
 
 
 @contextmanager
@@ -68,15 +76,16 @@ def open_columns(path: Path | str) -> Iterator[Session]:
     """Yields the session as ``read_session``, with touch, laser and display columns read on demand."""
     path = Path(path)
     with open_recorded(path) as file:
-        yield _checked(file, path, stored_columns)
+        yield _checked(file, path, stored_columns)[0]
 
 
-def _checked(file: Any, path: Path, columns: Columns) -> Session:
+def _checked(file: Any, path: Path, columns: Columns) -> tuple[Session, str]:
     session = check_times(READERS[check_schema(file, path)](file, columns), str(path))
-    if text_attr(file, "raw_sha256", "") not in ("", raw_checksum(file)):
+    checksum = raw_checksum(file)
+    if text_attr(file, "raw_sha256", "") not in ("", checksum):
         changed = LogEntry(session.started_s or 0.0, "warning", "file", CHANGED)
-        return replace(session, notes=(*session.notes, changed))
-    return session
+        session = replace(session, notes=(*session.notes, changed))
+    return session, checksum
 
 
 def read_unchecked(path: Path | str) -> Session:

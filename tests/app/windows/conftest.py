@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QApplication
 from draglag.analysis import Analysis, analyze
 from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Session
-from draglag.store import read_session
+from draglag.store import FileState, read_with_state
 from draglag_app.cli.record import session_options
 from draglag_app.session import OffscreenDisplay, run_session
 from draglag_app.windows import workspace
@@ -167,21 +167,23 @@ def session_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def analysis_of_file(session_file: Path) -> tuple[Session, Analysis]:
+def analysis_of_file(session_file: Path) -> tuple[Session, FileState, Analysis]:
     """The recorded session, read and analysed once for all windows that only show it."""
-    session = read_session(session_file)
-    return session, analyze(session)
+    session, state = read_with_state(session_file)
+    return session, state, analyze(session)
 
 
 @pytest.fixture
-def show_session(qapp: QApplication, session_file: Path, analysis_of_file: tuple[Session, Analysis]) -> ShowSession:
+def show_session(
+    qapp: QApplication, session_file: Path, analysis_of_file: tuple[Session, FileState, Analysis]
+) -> ShowSession:
     """Open the recorded session, or a copy of it, in a window that is to show its analysis."""
-    session, analysis = analysis_of_file
+    session, state, analysis = analysis_of_file
 
     def show(window: OperatorWindow, path: Path = session_file) -> None:
         assert window.space.options == analysis.options
         with pytest.MonkeyPatch.context() as known:
-            known.setattr(workspace, "read_session", lambda _: session)
+            known.setattr(workspace, "read_with_state", lambda _: (session, state))
             known.setattr(workspace, "kept_comments", lambda _: {})
             known.setattr(workspace, "analyze", lambda *_: analysis)
             window.space.open(path)

@@ -16,7 +16,16 @@ import pytest
 from core.store_sessions import assert_same, bare_session, full_run, full_session, touch
 from draglag.errors import DataError
 from draglag.recording import ClockBounds, LaserTrace, LogEntry, Run, TouchTrace, empty_laser, empty_touch
-from draglag.store import SessionWriter, add_analysis, migrate, read_analyses, read_session, verify, write_session
+from draglag.store import (
+    SessionWriter,
+    add_analysis,
+    migrate,
+    read_analyses,
+    read_session,
+    read_with_state,
+    verify,
+    write_session,
+)
 
 DATA = Path(__file__).parents[2] / "data"
 
@@ -165,6 +174,23 @@ def test_results_are_kept_next_to_unchanged_raw_data(tmp_path: Path) -> None:
     assert first.created_utc == "2026-03-01T11:00:00Z"
     with h5py.File(path) as file:
         assert file["analysis/1/runs/latency_ms"].attrs["units"] == b"ms"
+
+
+def test_a_result_is_stored_only_with_the_raw_data_that_were_analysed(tmp_path: Path) -> None:
+    path = tmp_path / "s.h5"
+    write_session(full_session(), path)
+    _, analysed = read_with_state(path)
+    assert add_analysis(path, {"runs": []}, {"estimator": "paper"}, analysed=analysed) == 1
+    # The file is another one now, with the same raw data.
+    assert add_analysis(path, {"runs": []}, {"estimator": "efficient"}, analysed=analysed) == 2
+    assert [stored.up_to_date for stored in read_analyses(path)] == [True, True]
+    with h5py.File(path, "r+") as file:
+        file["runs/run-01/touch/x_mm"][3] += 1
+    with pytest.raises(DataError, match=r"s\.h5: has other raw data now than were analysed\. Analyse it again"):
+        add_analysis(path, {"runs": []}, {"estimator": "efficient"}, analysed=analysed)
+    path.unlink()
+    with pytest.raises(DataError, match="there is no such file"):
+        add_analysis(path, {"runs": []}, {}, analysed=analysed)
 
 
 def test_results_that_do_not_fit_on_the_disk_leave_the_file_as_it_is(
