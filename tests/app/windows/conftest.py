@@ -7,6 +7,7 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,8 @@ from draglag.protocol.runs import Protocol, load_protocol
 from draglag.recording import Session
 from draglag.store import FileState, read_with_state
 from draglag_app.cli.record import session_options
-from draglag_app.session import OffscreenDisplay, run_session
-from draglag_app.windows import workspace
+from draglag_app.session import OffscreenDisplay, SessionOptions, run_session
+from draglag_app.windows import start, workspace
 from draglag_app.windows.application import make_application
 from draglag_app.windows.parts.garbage import Garbage, collect_in_this_thread
 from draglag_app.windows.settings import RigSettings, Settings
@@ -147,6 +148,12 @@ def open_window(qapp: QApplication, tmp_path: Path) -> Iterator[Callable[..., Op
         window.close()
         window.deleteLater()
     settle(qapp)
+
+
+@pytest.fixture
+def short_countdown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Targets of windows' sessions stand still for half a second: for tests in real time of what comes afterwards."""
+    monkeypatch.setattr(start, "SessionOptions", partial(SessionOptions, countdown_s=0.5))
 
 
 @pytest.fixture

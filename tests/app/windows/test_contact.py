@@ -45,6 +45,7 @@ def test_a_source_that_reports_no_contacts_is_judged_by_the_age_of_its_touches()
     assert not contact.take(touches(2.0, last_s=0.99))
 
 
+@pytest.mark.usefixtures("short_countdown")
 def test_the_participant_sees_it_in_a_run(open_window: Callable, until: Callable) -> None:
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
     window.space.set_protocol(window.space.protocol.model_copy(update={"taps": None}))

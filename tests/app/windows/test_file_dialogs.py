@@ -27,7 +27,7 @@ def dialogs(window: OperatorWindow) -> list[QDialog]:
 
 
 @pytest.fixture
-def running(open_window: Callable, until: Callable) -> OperatorWindow:
+def running(open_window: Callable, until: Callable, short_countdown: None) -> OperatorWindow:
     """In the first of two runs, each of a minute unless it is aborted; the participant's window is open."""
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
     window.resize(740, 560)  # room for a window of the participant's own

@@ -222,6 +222,7 @@ def test_in_dutch_with_large_text_and_keys_chosen_before(
     compare(analysed, lambda: open_window(**settings), qapp)
 
 
+@pytest.mark.usefixtures("short_countdown")
 def test_while_recording(open_window: Callable, qapp: QApplication, until: Callable) -> None:
     def make() -> OperatorWindow:
         return open_window(rig={"touch": "sim:", "laser": "sim:", "display": "offscreen"})

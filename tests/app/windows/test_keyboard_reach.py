@@ -32,7 +32,7 @@ def page_of(window: OperatorWindow, name: str) -> QWidget:
 
 class TestFromTheParticipantsWindow:
     @pytest.fixture
-    def window(self, open_window: Callable, until: Callable) -> OperatorWindow:
+    def window(self, open_window: Callable, until: Callable, short_countdown: None) -> OperatorWindow:
         """A long run in real time, with the keyboard at the participant's window, as after every start."""
         window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
         (run,) = (window.space.protocol.runs[1].model_copy(update={"speeds_mm_s": (425.0, 600.0), "duration_s": 60.0}),)

@@ -84,6 +84,7 @@ def test_keys_at_the_wrong_time_do_nothing_that_matters(in_real_time: OperatorWi
     assert [estimate.id for estimate in window.space.live.known] == ["run-02", "run-01-2"]
 
 
+@pytest.mark.usefixtures("short_countdown")
 def test_closing_in_a_run_asks_and_return_means_go_on(in_real_time: OperatorWindow, until: Callable) -> None:
     window = in_real_time
     window.ask("start")

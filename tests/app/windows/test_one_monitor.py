@@ -12,6 +12,8 @@ from PySide6.QtWidgets import QApplication, QLabel, QLineEdit, QMessageBox, QPus
 from draglag_app.session.machine import Phase
 from draglag_app.windows.window import OperatorWindow
 
+pytestmark = pytest.mark.usefixtures("short_countdown")
+
 
 def in_window(widget: QWidget) -> QRect:
     """Where a widget is in its window."""

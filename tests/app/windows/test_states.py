@@ -17,7 +17,7 @@ def idle(window: OperatorWindow) -> bool:
 
 
 @pytest.fixture
-def in_real_time(open_window: Callable) -> OperatorWindow:
+def in_real_time(open_window: Callable, short_countdown: None) -> OperatorWindow:
     """Two runs of the simulated rig, each of a minute unless it is aborted."""
     window = open_window(rig={"touch": "sim:", "laser": "sim:", "display": "window"})
     runs = [window.space.protocol.runs[1].model_copy(update={"speeds_mm_s": (425.0, 750.0), "duration_s": 60.0})]

@@ -27,6 +27,7 @@ def asleep_s(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return slept_s
 
 
+@pytest.mark.usefixtures("short_countdown")
 def test_a_suspended_computer_is_said_in_the_window_and_flags_the_run(
     open_window: Callable[..., OperatorWindow], until: Callable, asleep_s: list[float]
 ) -> None:
