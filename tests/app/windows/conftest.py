@@ -93,7 +93,7 @@ def only_new_objects_are_looked_at() -> None:
 
 
 def _things(qapp: QApplication) -> dict[str, set[object]]:
-    made = {item for item in gc.get_objects() if isinstance(item, (QTimer, QThread)) and _runs(item)}
+    made = {item for item in shiboken6.getAllValidWrappers() if isinstance(item, (QTimer, QThread)) and _runs(item)}
     return {"top-level widgets": set(qapp.topLevelWidgets()), "timers and threads": made | _of_python()}
 
 
