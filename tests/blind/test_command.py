@@ -36,7 +36,8 @@ def test_unknown_row_is_named():
     assert len(result.stderr.strip().splitlines()) == 1
 
 
-def test_cluster_without_scheduler_is_one_sentence():
+def test_cluster_without_scheduler_is_one_sentence(monkeypatch):
+    monkeypatch.setattr("draglag_app.parallel.ANSWERS_S", 0.5)
     with pytest.raises(Unavailable) as caught:
         list(run_all([Task("none", "none", 1.0, 1)], jobs=1, scheduler="tcp://127.0.0.1:9"))
     assert caught.value.remedy
