@@ -1,6 +1,8 @@
 #!/bin/sh
 # Does what the README says, on a minimal Debian: mmdebstrap's minbase with python3 and python3-venv, nothing else.
 #   tests/fresh/fresh.sh [SUITE:WHO …]     SUITE: bookworm or trixie; WHO: root, or user (no sudo). Default: all four
+#   tests/fresh/fresh.sh --prepare              installs what makes bare systems, and nothing else
+#   tests/fresh/fresh.sh --systems SUITE …      makes them in DRAGLAG_FRESH_CACHE, for later trials
 # Needs root. DRAGLAG_FRESH_CACHE: a folder to keep the bare roots in. Exit 0: passed, 1: failed, 77: cannot be tried.
 set -eu
 cd "$(dirname "$0")/../.."
@@ -42,10 +44,23 @@ without_rights() { # without_rights: tests say in one line that Qt's libraries a
     }
 }
 
-if [ "${1:-}" = --inside ]; then
+case "${1:-}" in
+--inside)
     trial "$2" "$3"
     exit 0
-fi
+    ;;
+--prepare)
+    prepare
+    exit 0
+    ;;
+--systems)
+    shift
+    : "${DRAGLAG_FRESH_CACHE:?names no folder to keep them in}"
+    begin
+    all_of bare_root "$@" || exit 77
+    exit 0
+    ;;
+esac
 [ $# -gt 0 ] || set -- bookworm:root bookworm:user trixie:root trixie:user
 for name in "$@"; do
     case "$name" in bookworm:root | bookworm:user | trixie:root | trixie:user) ;; *)

@@ -112,13 +112,17 @@ clean() { # clean: also after Ctrl-C; the mounts end with the namespaces, those 
     rm -rf "${work:?}"
 }
 
-try_all() { # try_all SUITE:WHO …: exit 0 when all passed
+begin() { # begin: what trials, and the making of roots, need and leave nothing of
     prepare
     work=$(mktemp -d)
     cache=${DRAGLAG_FRESH_CACHE:-$work/bare}
     children=
     trap clean EXIT
     trap 'exit 1' INT TERM HUP
+}
+
+try_all() { # try_all SUITE:WHO …: exit 0 when all passed
+    begin
     # shellcheck disable=SC2046 # a word for each suite
     all_of bare_root $(printf '%s\n' "$@" | sed 's/:.*//' | sort -u) || exit 77
     failed=0
