@@ -91,7 +91,7 @@ def _explored(
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
         left = allowed - barred
         if wanted not in fits:
-            found = grown(session, fits, pool, wanted, tried)
+            found = grown_with_alike(session, fits, pool, wanted, barred, tried)
             barred |= set() if wanted in found else {_unfitted(pool, wanted, fits | found)}
         elif most_effects > 0 and wanted not in asked:
             asked.add(wanted)
@@ -186,6 +186,17 @@ def grown(
             break
         names = tuple(sorted((*names, name)))
         out[names] = fit
+    return out
+
+
+def grown_with_alike(
+    session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names, barred: set[str], tried: set[tuple[Names, str]]
+) -> dict[Names, Fit]:
+    """``grown``, and other probable sets of as many effects: at the linearisation of the first they would all lose."""
+    out = grown(session, fits, pool, wanted, tried)
+    for names in _probable(pool):
+        if len(names) == len(wanted) and names not in fits | out and not set(names) & barred:
+            out |= grown(session, fits | out, pool, names, tried)
     return out
 
 
