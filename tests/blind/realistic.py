@@ -3,7 +3,7 @@
 from .conditions import Task, sized
 from .physics.effects import ACCEPTED, EFFECTS, NEW, REAL_LIBRARY, REAL_UNKNOWN, UNKNOWN
 from .physics.filters.chain import SMOOTHING
-from .physics.law import FORMS
+from .physics.law import FORMS, VELOCITY
 from .physics.rig import stream
 
 __all__ = ["ACCEPTED", "BELOW", "quick_real_tasks", "real_tasks", "refitted"]
@@ -29,7 +29,7 @@ MICROFRAME_S = 0.000125
 
 def real_tasks(sessions: int, seed: int, only: tuple[str, ...] = ()) -> list[Task]:
     """The realistic world's rows, `sessions` of each."""
-    jobs = [("none", f"sound_{form}") for form in FORMS]
+    jobs = [("none", f"sound_{form}") for form in (*FORMS, VELOCITY)]
     jobs += [("single", name) for name in REAL_LIBRARY] + [("below", name) for name in NEW]
     jobs += [("unknown", name) for name in REAL_UNKNOWN + UNKNOWN]
     jobs = [job for job in jobs if not only or not {*job, "sound" if job[0] == "none" else job[0]}.isdisjoint(only)]

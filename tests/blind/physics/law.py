@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 FORMS = ("constant", "power", "adaptive", "logistic", "double")
+VELOCITY = "velocity"
+"""Of a profile: the form "double", of the size of a mean velocity and not of the speed."""
 SLOWEST_MM_S = 15.0  # a power of the speed grows no further below this
 
 

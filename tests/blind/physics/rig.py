@@ -50,7 +50,8 @@ class Profile:
     world: str = "plain"
     """plain or realistic: which hand, beam and screen."""
     law_form: str | None = None
-    """One of `law.FORMS`, or "transport"; None is Eq. 5 in the plain world, and drawn in the realistic one."""
+    """One of `law.FORMS`, "transport", or "velocity": "double" of the size of a mean velocity, in the realistic world.
+    None is Eq. 5 in the plain world, and drawn in the realistic one."""
     scan_hz: float | None = None
     """At least this many scans a second go through the panel's filters, whatever it reports."""
 
@@ -99,6 +100,8 @@ class Rig:
     step_mm: float = 0.0
     scans_per_report: int = 1
     missed_share: float = 0.0
+    velocity_window_s: float = 0.0
+    """Standard deviation of the window of a mean velocity whose size the law follows; 0: of the speed, see above."""
 
 
 def draw_rig(seed: int, profile: Profile) -> Rig:

@@ -10,7 +10,7 @@ from scipy.special import expit
 
 from draglag.curve import CurvePoints, fit_form
 from draglag.errors import EstimateError
-from draglag.gap.traces.edges import Placed
+from draglag.gap.traces.edges import TRACKED_S, Placed
 from draglag.gap.traces.run_data import RunData
 from draglag.instruments.beam import sides
 from draglag.messages import message
@@ -27,13 +27,16 @@ FOLLOWS_LATER_SD = 0.07
 # Flattening of quick changes of speed by a panel's tracker, over that by a window of ``TRACKED_S``. Judgement: with 1
 # a lagging law of 0.06 s passes for it.
 TRACKED_SD = 0.5
+# Speed lost where the path turns, over what the size of a mean velocity loses in a window of ``TRACKED_S``; also what a
+# first-order treatment of a hand's changes of speed leaves on small fast circles. Physical: windows of some 15 ms.
+TURNED_SD = 0.25
 PLATEAUS_MM_S = (20.0, 400.0)  # that a fit allows. Physical: slower nobody drags, faster the law is flat
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one. Derived
 # Bounds: beyond them an exponential is straight, or over, at any drag. Derived.
 LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
 BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends. Physical
 CORNER = 0.02  # of the plateau's speed, over which its corner is rounded. Derived: steps of a search need a slope
-N_NUISANCES = 3  # the last base columns: fitted at every step, never carried. Derived
+N_NUISANCES = 4  # the last base columns: fitted at every step, never carried. Derived
 
 
 @dataclass(frozen=True)
@@ -168,7 +171,7 @@ def side_of(placed: Placed) -> FloatArray:
 
 
 def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
-    """Derivatives of the residual by law, beam and nuisances, (m, law's + 5)."""
+    """Derivatives of the residual by law, beam and nuisances, (m, law's + 6)."""
     v_n = placed.v_mm_s[:, 1] * placed.stretch
     columns = v_n[:, None] * law.columns(placed.speed_mm_s)
     x = placed.xy_mm[:, 0]
@@ -176,12 +179,15 @@ def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
     lag = v_n * placed.slope_s2_mm * placed.accel_apart_mm_s2 * np.maximum(placed.latency_s, 0.0)
     # A panel's tracker takes the speed from a window, which flattens quick changes, not those from run to run: another.
     tracked = v_n * placed.slope_s2_mm * placed.tracked_mm_s
-    # The position fits themselves bend a fast circle inwards a little: a third.
+    # One that takes the size of a mean velocity loses some where the path turns, to second order: a third.
+    lost_mm_s = 0.5 * placed.speed_mm_s * (TRACKED_S * placed.turn_rad_s) ** 2
+    turned = -v_n * placed.slope_s2_mm * lost_mm_s
+    # The position fits themselves bend a fast circle inwards a little: a fourth.
     bent = placed.a_mm_s2[:, 1]
-    return np.column_stack([columns, -x, -np.ones_like(x), lag, tracked, bent])
+    return np.column_stack([columns, -x, -np.ones_like(x), lag, tracked, turned, bent])
 
 
 def base_prior(law: LawParameters) -> FloatArray:
     """Prior precision of a step of each base parameter."""
-    nuisances = 1 / np.square([FOLLOWS_LATER_SD, TRACKED_SD, BENT_SD_S2])
+    nuisances = 1 / np.square([FOLLOWS_LATER_SD, TRACKED_SD, TURNED_SD, BENT_SD_S2])
     return np.concatenate([1 / np.square(law.step_sd), [0.0, 0.0], nuisances])

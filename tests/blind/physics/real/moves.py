@@ -29,6 +29,13 @@ def move(rig: Rig, run: RunPlan, seed: int) -> Motion:
         x = width * (0.16 + 0.68 * np.clip(since / run.duration_s, 0, 1))
         y = multisine_mm(since, height) if run.protocol == "multisine" else steps_mm(since, height, rng)
         motion = follow(rng, since, x, middle + y)
-    # What a digitiser's tracker takes for the speed: that of its window.
-    speed = tracked(motion.speed_mm_s, rig.speed_window_s, STEP_HZ)
+    speed = _followed(rig, motion)
     return replace(motion, t_s=motion.t_s + run.start_s, speed_mm_s=speed, along_mm_s2=np.gradient(speed, 1 / STEP_HZ))
+
+
+def _followed(rig: Rig, motion: Motion) -> np.ndarray:
+    """What a digitiser's tracker takes for the speed: the mean of its window, or the size of a mean velocity."""
+    if not rig.velocity_window_s:
+        return tracked(motion.speed_mm_s, rig.speed_window_s, STEP_HZ)
+    velocity = (tracked(part, rig.velocity_window_s, STEP_HZ) for part in (motion.vx_mm_s, motion.vy_mm_s))
+    return np.asarray(np.hypot(*velocity))

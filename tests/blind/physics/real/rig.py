@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..law import FORMS, Law, draw_law, draw_transport
+from ..law import FORMS, VELOCITY, Law, draw_law, draw_transport
 from ..rig import SCREENS, Profile, Rig, draw_plan, stream
 from .beam import MISSED, Sensor
 
@@ -63,6 +63,7 @@ def draw_real_rig(seed: int, profile: Profile) -> Rig:
         step_mm=rng.uniform(0.01, 0.1) * float(noisy),
         scans_per_report=scans,
         missed_share=MISSED * float(noisy),
+        velocity_window_s=stream(seed, "velocity").uniform(0.01, 0.02) if profile.law_form == VELOCITY else 0.0,
     )
 
 
@@ -77,5 +78,7 @@ def _law(seed: int, profile: Profile) -> Law:
     rng = stream(seed, "law")
     if profile.law_form == "transport":
         return draw_transport(rng)
+    if profile.law_form == VELOCITY:
+        return draw_law(rng, "double")
     form = profile.law_form or str(stream(seed, "law form").choice(FORMS))
     return draw_law(rng, form)
