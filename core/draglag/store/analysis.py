@@ -100,7 +100,7 @@ def add_analysis(
 @contextmanager
 def _checked(path: Path, analysed: FileState | None) -> Iterator[tuple[Any, str]]:
     """Yields the file and the checksum of its raw data; an unchanged file is not checked again."""
-    if analysed is not None and path.is_file() and file_identity(path) == analysed.identity:
+    if analysed is not None and analysed.identity is not None and analysed.identity == file_identity(path):
         with named_errors(path), open_hdf5(path) as file:
             yield file, analysed.raw_sha256
         return

@@ -65,8 +65,8 @@ def read_session(path: Path | str) -> Session:
 def read_with_state(path: Path | str) -> tuple[Session, FileState]:
     """As ``read_session``, and the state of the file that was read."""
     path = Path(path)
+    identity = file_identity(path)  # before it is opened: a file that takes its place meanwhile is another one
     with open_recorded(path) as file:
-        identity = file_identity(path)
         session, checksum = _checked(file, path, read_columns)
         return session, FileState(identity, checksum)
 

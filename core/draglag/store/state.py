@@ -16,11 +16,14 @@ class FileState:
     A file of the same identity has been checked, and has that checksum.
     """
 
-    identity: Identity
+    identity: Identity | None
     raw_sha256: str
 
 
-def file_identity(path: Path) -> Identity:
-    """Device, inode, size (bytes), times of the last change of content and of state (ns). Raises OSError."""
-    found = os.stat(path)
+def file_identity(path: Path) -> Identity | None:
+    """Device, inode, size (bytes), times of the last change of content and of state (ns); None without a file."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
