@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from blind.displacement import displaced_by, displacements
-from blind.physics.law import FORMS, draw_law, draw_transport
+from blind.physics.law import FORMS, VELOCITY, draw_law, draw_transport
 from blind.physics.real.beam import Sensor, crossings
 from blind.physics.real.hand import drag
-from blind.physics.real.rig import own_sizes
+from blind.physics.real.moves import move
+from blind.physics.real.rig import draw_real_rig, own_sizes
 from blind.physics.rig import Profile
 from blind.physics.session import make_session
 from blind.realistic import quick_real_tasks, real_tasks, refitted
@@ -184,7 +185,7 @@ def test_draw_is_reproducible_and_covers_every_row():
     many = real_tasks(1, seed=5)
     assert many == real_tasks(1, seed=5)
     assert many != real_tasks(1, seed=6)
-    assert {task.law_form for task in many if task.kind == "none"} == set(FORMS)
+    assert {task.law_form for task in many if task.kind == "none"} == {*FORMS, VELOCITY}
     assert all(task.world == "realistic" for task in many)
     assert all(task.law_form != "constant" for task in many if task.row in ("lagging_law", "low_speed_plateau"))
     new = {"speed_adaptive_filter", "prediction", "deadband", "warm_up", "beam_bow", "poll_grid"}
@@ -192,7 +193,21 @@ def test_draw_is_reproducible_and_covers_every_row():
         assert new <= {task.row for task in many if task.kind == kind}
     assert new <= {task.row for task in quick_real_tasks(1)}
     assert len({task.seed for task in many}) == len(many)
-    assert {task.row for task in real_tasks(1, 5, ("sound",))} == {f"sound_{form}" for form in FORMS}
+    assert {task.row for task in real_tasks(1, 5, ("sound",))} == {f"sound_{form}" for form in (*FORMS, VELOCITY)}
+
+
+def test_the_size_of_a_mean_velocity_is_less_where_the_path_turns():
+    """By exp(−½ ω² σ²) on a circle of the rate ω, with the standard deviation σ of the window."""
+    rig = draw_real_rig(SEED, Profile(world="realistic", law_form=VELOCITY))
+    assert 0.01 < rig.velocity_window_s < 0.02
+    fastest = max(
+        (run for run in rig.plan if run.protocol == "circle"), key=lambda run: run.nominal_speed_mm_s / run.radius_mm
+    )
+    moment = move(replace(rig, speed_window_s=1e-3, velocity_window_s=0.0), fastest, SEED)
+    mean = move(rig, fastest, SEED)
+    turning_rad_s = np.median(np.gradient(np.unwrap(np.arctan2(moment.vy_mm_s, moment.vx_mm_s)), moment.t_s))
+    lost = -np.log(np.median(mean.speed_mm_s) / np.median(moment.speed_mm_s))
+    assert lost == pytest.approx(0.5 * (turning_rad_s * rig.velocity_window_s) ** 2, rel=0.15)
 
 
 def test_same_seed_same_bytes(tmp_path):
