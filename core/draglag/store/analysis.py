@@ -107,7 +107,9 @@ def _checked(path: Path, analysed: FileState | None) -> Iterator[tuple[Any, str]
     with open_session(path) as file:
         checksum = raw_checksum(file)
         if analysed is not None and checksum != analysed.raw_sha256:
-            raise DataError(message("{path}: has other raw data now than were analysed", path=path), "Analyse it again")
+            raise DataError(
+                message("{path}: has other raw data now than were analysed", path=path), "Open and analyse it again"
+            )
         yield file, checksum
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -222,6 +223,16 @@ def test_the_gap_is_explained_with_the_corrected_diameter(
         opened.pages["gap"][1].explain_button.click()
         until(idle(opened))
     assert given == [9.0, 7.0]
+
+
+def test_results_are_not_kept_with_raw_data_that_replaced_those_shown(opened: OperatorWindow, until: Callable) -> None:
+    path = opened.space.path
+    with h5py.File(path, "r+") as file:
+        file[f"runs/{opened.space.analysis.runs[0].id}/touch/x_mm"][3] += 1
+    opened.space.keep_analysis()
+    until(idle(opened))
+    assert opened.notice_text.text() == f"{path}: has other raw data now than were analysed. Open and analyse it again."
+    assert read_analyses(path) == []
 
 
 def test_kept_results_say_which_runs_were_chosen_by_hand(opened: OperatorWindow, until: Callable) -> None:

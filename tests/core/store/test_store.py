@@ -186,7 +186,9 @@ def test_a_result_is_stored_only_with_the_raw_data_that_were_analysed(tmp_path: 
     assert [stored.up_to_date for stored in read_analyses(path)] == [True, True]
     with h5py.File(path, "r+") as file:
         file["runs/run-01/touch/x_mm"][3] += 1
-    with pytest.raises(DataError, match=r"s\.h5: has other raw data now than were analysed\. Analyse it again"):
+    with pytest.raises(
+        DataError, match=r"s\.h5: has other raw data now than were analysed\. Open and analyse it again"
+    ):
         add_analysis(path, {"runs": []}, {"estimator": "efficient"}, analysed=analysed)
     path.unlink()
     with pytest.raises(DataError, match="there is no such file"):

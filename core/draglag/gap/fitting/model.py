@@ -27,8 +27,8 @@ FOLLOWS_LATER_SD = 0.07
 # Flattening of quick changes of speed by a panel's tracker, over that by a window of ``TRACKED_S``. Judgement: with 1
 # a lagging law of 0.06 s passes for it.
 TRACKED_SD = 0.5
-# Speed lost where the path turns, over what the size of a mean velocity loses in a window of ``TRACKED_S``; also what a
-# first-order treatment of a hand's changes of speed leaves on small fast circles. Physical: windows of some 15 ms.
+# Speed lost where the path turns, over what the size of a mean velocity loses in a window of ``TRACKED_S``. Physical:
+# panels take velocities over about 20 ms (fact sheet on real screens).
 TURNED_SD = 0.25
 PLATEAUS_MM_S = (20.0, 400.0)  # that a fit allows. Physical: slower nobody drags, faster the law is flat
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one. Derived
