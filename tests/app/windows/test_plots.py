@@ -68,6 +68,28 @@ def test_a_band_is_seen_between_its_curves_in_both_themes(plot: Plot, qapp: QApp
         apply_theme(qapp, "dark")
 
 
+@pytest.mark.parametrize("name", ["dark", "light"])
+def test_the_grid_lies_under_a_curve_and_is_seen_on_the_ground(plot: Plot, qapp: QApplication, name: str) -> None:
+    apply_theme(qapp, name)
+    try:
+        plot.restyle()
+        plot.line("curve", np.array([0.0, 10.0]), np.array([0.45, 0.45]), "#ff8800", width=5)
+        plot.setXRange(0, 10, padding=0)
+        plot.setYRange(0, 1, padding=0)
+        QApplication.processEvents()
+        picture, box = plot.grab().toImage(), plot.getPlotItem().vb
+
+        def colours(y: float) -> set[str]:
+            """What is there from end to end at that height."""
+            ends = [box.mapViewToScene(QPointF(x, y)).toPoint() for x in (0.5, 9.5)]
+            return {picture.pixelColor(x, ends[0].y()).name() for x in range(ends[0].x(), ends[1].x())}
+
+        assert colours(0.45) == {"#ff8800"}
+        assert len(colours(0.77)) >= 2
+    finally:
+        apply_theme(qapp, "dark")
+
+
 def test_names_above_a_narrow_plot_stay_legible(plot: Plot) -> None:
     plot.resize(260, 300)
     plot.name_above("run-01", [("x", "#fff", name) for name in ("not corrected", "top, shifted", "bottom, shifted")])

@@ -9,7 +9,7 @@ from typing import Any
 import pyqtgraph as pg
 from PySide6.QtCore import QCoreApplication, QPoint, QRectF, QSize, Qt, QTimer
 from PySide6.QtGui import QColor, QFocusEvent, QFont, QFontMetrics, QGuiApplication, QKeyEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QGraphicsItem, QLabel, QMessageBox, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QMessageBox, QSizePolicy, QWidget
 
 from draglag.errors import DataError
 from draglag.provenance import Source
@@ -17,7 +17,7 @@ from draglag_app.windows.parts.ask_files import ask_save
 from draglag_app.windows.parts.letter_menu import LetterMenu
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import points, theme
-from draglag_app.windows.plots.axis import Axis
+from draglag_app.windows.plots.axis import BEHIND_VIEW, Axis
 from draglag_app.windows.plots.plot_values import Column, as_csv, signed, write_picture, write_text
 from draglag_app.windows.wording.library_words import in_words
 
@@ -44,6 +44,10 @@ class PlotFrame(pg.PlotWidget):
         # Its menu is not shown, but holds the switches of the grid, and belongs to nobody.
         menu = self.getPlotItem().ctrlMenu
         menu.setParent(self, menu.windowFlags())
+        for side in ("bottom", "left"):
+            axis = self.getPlotItem().getAxis(side)
+            axis.setZValue(BEHIND_VIEW)
+            axis.setStyle(maxTickLevel=0)  # lines where numbers stand, all alike
         self.file_name = file_name
         self.source: Callable[[], str] | None = None
         self.setAccessibleName(title or f"{y} / {x}")
@@ -158,11 +162,6 @@ class PlotFrame(pg.PlotWidget):
             self._write_title()
             plot.layout.activate()
             plot.setGeometry(QRectF(self.viewport().rect()))  # what a longer title had pushed out
-
-    def keep_axes_drawn(self) -> None:
-        """Cache axes and grid, which cost as much as all the rest, for plots redrawn several times a second."""
-        for side in ("bottom", "left"):
-            self.getPlotItem().getAxis(side).setCacheMode(QGraphicsItem.CacheMode.DeviceCoordinateCache)
 
     def rename(self, title: str) -> None:
         """Set the title."""

@@ -31,7 +31,6 @@ class TracePlot(Plot):
         super().__init__("", tr("x (mm)"), tr("y (mm)"), "trace", parent)
         self.setAspectLocked(True)
         self.getPlotItem().vb.invertY(True)
-        self.keep_axes_drawn()
         self._shown_mm = (0.0, 0.0)
         self.restyle()
 
@@ -100,7 +99,6 @@ class SpeedPlot(Plot):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("", tr("time in the run (s)"), tr("speed (mm/s)"), "speed", parent)
-        self.keep_axes_drawn()
         self.restyle()
 
     def restyle(self) -> None:
