@@ -15,7 +15,8 @@ from draglag.exchange import read_exchange
 from draglag.gap.correction import realise
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import stalls
-from draglag.gap.traces.dewarped import DewarpedKinematics, Shown
+from draglag.gap.traces.dewarped import DewarpedKinematics, spectrum_of
+from draglag.gap.traces.run_data import gather
 from draglag.model.file import ModelEffect
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Session, TouchTrace
@@ -298,7 +299,7 @@ def test_the_acceleration_behind_a_trace_that_it_warps_is_given_back(window_s: f
     shown_s = t_s + 0.03 + lag * reported * np.cos(rate * t_s)
     grid_s = np.arange(0.5, 11.5, 0.004)
     speed = np.gradient(np.interp(grid_s, shown_s, path_mm), grid_s)
-    run = SimpleNamespace(shown=Shown(grid_s, 0.004, speed, 0.05, 800.0))
+    run = SimpleNamespace(spectrum=spectrum_of((grid_s, speed), 800.0))
     at_s = np.arange(2.0, 10.0, 0.013)
     edges = DewarpedKinematics((run,), np.zeros(at_s.size, int), at_s + 0.03)  # type: ignore[arg-type]
     accel, _ = edges.acceleration(lag, window_s)
@@ -307,6 +308,23 @@ def test_the_acceleration_behind_a_trace_that_it_warps_is_given_back(window_s: f
     assert np.std(raw - truth) > 0.5 * np.std(truth)
     # To first order: the acceleration moves an edge by up to 5 ms of the 64 ms in which it turns by one radian.
     assert np.std(accel - truth) < 0.1 * np.std(truth)
+
+
+def test_the_acceleration_of_a_hand_at_3_hz_is_not_flattened_by_windows() -> None:
+    # On a circle at 400 mm/s whose speed varies by 5 % at 3 Hz, with the noise of a simulated panel.
+    session = simulate_session("screen-2", load_protocol("demo"), seed=3)
+    data = next(data for data in gather(session) if data.run.protocol == "multisine")
+    t_s = data.t_s - data.t_s[0]
+    rate, radius_mm = 2 * np.pi * 3.0, 50.0
+    angle = (400 * t_s - 20 / rate * np.cos(rate * t_s)) / radius_mm
+    noise_mm = np.random.default_rng(7).normal(0, data.noise_mm, (2, t_s.size))
+    xy_mm = radius_mm * np.column_stack([np.cos(angle), np.sin(angle)]) + noise_mm.T
+    run = replace(data, xy_mm=xy_mm)
+    at_s = np.arange(2.0, t_s[-1] - 2.0, 0.013)
+    accel, _ = DewarpedKinematics((run,), np.zeros(at_s.size, int), data.t_s[0] + at_s).acceleration(0.0, 0.0)
+    # The size of a lag is inverse to the slope.
+    slope = np.polyfit(20 * rate * np.cos(rate * at_s), accel, 1)[0]
+    assert slope == pytest.approx(1.0, abs=0.15), slope
 
 
 def test_two_frames_on_each_tick_of_an_exact_clock_are_no_batch(sound: Session) -> None:

@@ -7,7 +7,6 @@ iω G u / (1 + v₀ c ω² G).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,23 +28,24 @@ TURNING = 0.7
 
 @dataclass(frozen=True)
 class Shown:
-    """Speed of a trace, (g,). apart_s: half span of its change."""
+    """Speed of a trace without tremor, (g,). apart_s: half span of its change."""
 
     grid_s: FloatArray
     step_s: float
     speed_mm_s: FloatArray
     apart_s: float
-    mean_mm_s: float
 
-    @cached_property
-    def spectrum(self) -> tuple[slice, int, FloatArray, np.ndarray]:
-        """Place in the padded grid, its size, angular frequencies (f,), spectrum (f,) of deviations from the mean."""
-        n = self.grid_s.size
-        edge = min(round(PADDED_S / self.step_s), n - 1)
-        size = next_fast_len(n + 2 * edge, real=True)
-        speed = np.pad(self.speed_mm_s - self.mean_mm_s, (edge, size - n - edge), mode="reflect")
-        omega = np.asarray(2 * np.pi * np.fft.rfftfreq(size, self.step_s), float)
-        return slice(edge, edge + n), size, omega, rfft(speed)
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Deviations of a trace's speed from its mean: values (f,) at omega (f,), of a grid that is padded to ``size``."""
+
+    grid_s: FloatArray
+    mean_mm_s: float
+    inside: slice
+    size: int
+    omega: FloatArray
+    values: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -82,13 +82,12 @@ class DewarpedKinematics:
             return self.known.accel_mm_s2, self.known.change_mm_s3
         out, change = np.zeros(self.at_s.size), np.zeros(self.at_s.size)
         for k in np.unique(self.run):
-            shown, own = self.runs[k].shown, self.run == k
-            inside, size, omega, speed = shown.spectrum
-            smooth = np.exp(-0.5 * (omega * window_s) ** 2)
-            amplified = 1 + max(shown.mean_mm_s * lag_s3_mm, 0.0) * omega**2 * smooth
-            of = speed * 1j * omega * smooth / amplified
-            at_grid = irfft([of, of * (1j * omega)], size)[:, inside]
-            out[own], change[own] = (np.interp(self.at_s[own], shown.grid_s, values) for values in at_grid)
+            speed, own = self.runs[k].spectrum, self.run == k
+            smooth = np.exp(-0.5 * (speed.omega * window_s) ** 2)
+            amplified = 1 + max(speed.mean_mm_s * lag_s3_mm, 0.0) * speed.omega**2 * smooth
+            of = speed.values * 1j * speed.omega * smooth / amplified
+            at_grid = irfft([of, of * (1j * speed.omega)], speed.size)[:, speed.inside]
+            out[own], change[own] = (np.interp(self.at_s[own], speed.grid_s, values) for values in at_grid)
         return out, change
 
     def earlier(self, before_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -105,6 +104,17 @@ class DewarpedKinematics:
         return speed, change
 
 
+def spectrum_of(quick: tuple[FloatArray, FloatArray], mean_mm_s: float) -> Spectrum:
+    """Spectrum of speeds on a regular grid, (g,), (g,), mirrored at their ends."""
+    grid_s, speed_mm_s = quick
+    n, step_s = grid_s.size, float(grid_s[1] - grid_s[0])
+    edge = min(round(PADDED_S / step_s), n - 1)
+    size = next_fast_len(n + 2 * edge, real=True)
+    padded = np.pad(speed_mm_s - mean_mm_s, (edge, size - n - edge), mode="reflect")
+    omega = np.asarray(2 * np.pi * np.fft.rfftfreq(size, step_s), float)
+    return Spectrum(grid_s, mean_mm_s, slice(edge, edge + n), size, omega, rfft(padded))
+
+
 def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mean_mm_s: float | None) -> Shown:
     """Speed of a trace. radius_mm, mean_mm_s: of a steady circle."""
     interval_s = sample_interval_s(t_s)
@@ -113,4 +123,4 @@ def shown_speed(t_s: FloatArray, xy_mm: FloatArray, radius_mm: float | None, mea
     turning_s = TURNING * radius_mm / mean_mm_s if mean_mm_s and radius_mm else np.inf
     fit = local_fit(t_s, xy_mm, grid_s, max(min(WIDTH_S, turning_s), 4.5 * interval_s), degree=2, roundness=3)
     speed = np.interp(grid_s, grid_s[fit.ok], fit.speed_mm_s[fit.ok]) if fit.ok.any() else np.zeros(grid_s.size)
-    return Shown(grid_s, step_s, speed, float(min(APART_S, turning_s)), mean_mm_s or float(np.mean(speed)))
+    return Shown(grid_s, step_s, speed, float(min(APART_S, turning_s)))

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 
 from draglag.errors import EstimateError
 from draglag.gap.constants import HAND_STEP_S
-from draglag.gap.traces.dewarped import Shown, shown_speed
+from draglag.gap.traces.dewarped import Shown, Spectrum, shown_speed, spectrum_of
 from draglag.gap.traces.law_speed import COARSE_S, padded
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.conduct import Estimates
@@ -103,6 +103,12 @@ class RunData:
     def padded(self) -> tuple[FloatArray, FloatArray]:
         """``quick`` at the few times of another moment's speed, see ``law_speed.padded``."""
         return padded(*self.quick)
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """Of ``quick``: the window of ``shown`` flattens a hand's changes at 3 Hz by two fifths."""
+        known = self.estimate.speed_mm_s if self.estimate else None
+        return spectrum_of(self.quick, known or self.usual_mm_s)
 
     @cached_property
     def shown(self) -> Shown:
