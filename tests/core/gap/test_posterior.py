@@ -18,13 +18,11 @@ from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, rema
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.noise import Components, Scatter
 from draglag.gap.fitting.state import Term
-from draglag.gap.posterior.judge import likeliest
 from draglag.gap.posterior.levels import log_prior
 from draglag.gap.posterior.linear import Linear, likeliest_levels, normal
 from draglag.gap.posterior.members import Member, of_unit_rms
 from draglag.gap.posterior.pool import compared
 from draglag.gap.posterior.search import searched, sizes_mm
-from draglag.gap.proposing.proposals import refits_with
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
@@ -236,29 +234,6 @@ def test_a_session_without_data_says_what_it_lacks() -> None:
     poor = close_gap(replace(session, runs=session.runs[:2]))
     assert poor.verdict is None
     assert any("at least 5 are needed" in words for words in poor.missing)
-
-
-@pytest.mark.parametrize(("left_s2", "kept"), [(-0.2 * 0.03**2, True), (-(0.03**2), False)])
-def test_a_refit_that_puts_back_what_an_earlier_effect_has_undone_is_none(left_s2: float, kept: bool) -> None:
-    """A low-pass of 30 ms undone in the traces, and a column of it that takes a part, or all of it, back."""
-    first = sound_sessions.report_of_demo().first
-    assert first is not None
-    terms = (Term("smoothing_shrink", (0.03,), (left_s2,)), Term("clock_drift", (), (5e-5,)))
-    fit = replace(first, terms=terms, design=np.column_stack([first.design, np.zeros((first.design.shape[0], 2))]))
-    fit = replace(fit, prior=np.append(first.prior, [1.0, 1.0]), covariance=np.eye(fit.design.shape[1]))
-    assert (likeliest([fit], first, "clock_drift") is fit) == kept
-
-
-def test_a_pair_that_a_refit_refutes_is_judged_where_its_other_effect_is_fitted() -> None:
-    session = sound_sessions.brief("scan_skew=0.02")
-    first = fit_session(session, gather(session))
-    (skew,) = refits_with(session, first, "scan_skew", ())
-    pair, fits = ("clock_drift", "scan_skew"), [first, skew]
-    assert pair in compared(fits, set(pair), False).found
-    judged_with = compared(fits, set(pair), False, refuted={(pair, ("scan_skew",))}).found
-    assert judged_with[pair].search.linear.fit is skew
-    assert pair not in compared(fits, set(pair), False, refuted={(pair, ("clock_drift",))}).found
-    assert ("scan_skew",) in judged_with
 
 
 def test_the_noise_is_sized_at_the_fit_of_an_effect_that_has_no_column_too() -> None:

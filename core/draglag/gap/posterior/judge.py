@@ -18,10 +18,9 @@ from draglag.gap.posterior.pool import IN_SPEED, Names, Pool, compared, unsound_
 from draglag.gap.proposing.of_effect import refit_module
 from draglag.gap.proposing.proposals import refits_with, shown_by_edges, shown_by_traces
 from draglag.recording import Session
-from draglag.simulation.effects import EFFECTS, column_of, effect_class
+from draglag.simulation.effects import EFFECTS
 
 PROPOSED = 3  # effects that are then refitted. Derived: cost
-LEAST_KEPT = 0.5  # of what is undone in traces: its column has put more than the half back. Judgement
 Progress = Callable[[float, str], None]
 
 
@@ -76,7 +75,6 @@ def _explored(
     """Search from fits, the smallest first: refits of what is probable, compared until the most probable set stays."""
     inside = next(iter(fits))
     barred: set[str] = set()
-    refuted: set[tuple[Names, Names]] = set()
     proposed: set[Names] = set()
     tried: set[tuple[Names, str]] = set()
     asked: set[Names] = set()
@@ -84,8 +82,7 @@ def _explored(
         # What single edges show comes before what columns promise: other effects stand in for it, one after another.
         found = _proposed(session, pool, fits, _seen_in_edges(fits, allowed), (inside,), tried)
         fits |= found
-        refuted = _refuted(fits, found)
-        pool = compare(list(fits.values()), before=pool, refuted=refuted) if found else pool
+        pool = compare(list(fits.values()), before=pool) if found else pool
     for k in range(constants.ROUNDS):
         progress((k + 1) / (constants.ROUNDS + 1), "comparing explanations")
         wanted = next((n for n in _probable(pool) if n not in fits and not set(n) & barred), _effects_of(pool.best))
@@ -108,24 +105,8 @@ def _explored(
             if not found:
                 break
         fits |= found
-        refuted = {(names, fewer) for names, fewer in refuted if names not in found} | _refuted(fits, found)
-        pool = compare(list(fits.values()), without=barred, before=pool, refuted=refuted)
+        pool = compare(list(fits.values()), without=barred, before=pool)
     return Judgement(pool, fits)
-
-
-def _refuted(fits: dict[Names, Fit], new: Collection[Names]) -> set[tuple[Names, Names]]:
-    """New sets, and those with an effect less, over which their refit gains less than the effect's name costs.
-
-    Where columns at a fit without the latter promise the set more, they are extrapolated.
-    """
-    out = set()
-    for names in new:
-        for fewer in (tuple(other for other in names if other != name) for name in names):
-            if fewer not in fits or type(fits[fewer].law) is not type(fits[names].law):
-                continue
-            if gained_nats(fits[fewer], fits[names]) < -np.log(constants.P_EFFECT):
-                out.add((names, fewer))
-    return out
 
 
 def _has_own_form(pool: Pool) -> bool:
@@ -201,34 +182,14 @@ def grown_with_alike(
 
 
 def likeliest(options: list[Fit], base: Fit, effect: str) -> Fit | None:
-    """Likeliest possible refit on shared edges, its curve's own form paid for; None if as small as on sound rigs."""
+    """Likeliest possible refit on shared edges; None if as small as on sound rigs."""
     enough = constants.LEAST_EDGES * np.count_nonzero(base.use)
-    options = [fit for fit in options if np.count_nonzero(fit.use) >= enough]
-    options = [fit for fit in options if _possible(effect, fit) and _keeps(fit, effect)]
+    options = [fit for fit in options if np.count_nonzero(fit.use) >= enough and _possible(effect, fit)]
     if not options:
         return None
     both = np.logical_and.reduce([fit.use for fit in options])
-    best = max(options, key=lambda fit: log_likelihood_on(fit, both) - _form_nats(fit))
+    best = max(options, key=lambda fit: log_likelihood_on(fit, both))
     return None if _sound(effect, best) else best
-
-
-def _form_nats(fit: Fit) -> float:
-    """Occam factor of a curve's own form: how much narrower than its prior the session leaves it."""
-    end = len(fit.law.step_sd)
-    own = slice(end - len(fit.law.remainder_s), end)
-    sd_s = np.array(fit.law.step_sd[own])
-    return -0.5 * float(np.linalg.slogdet(fit.covariance[own, own] / np.outer(sd_s, sd_s))[1]) if sd_s.size else 0.0
-
-
-def _keeps(fit: Fit, added: str) -> bool:
-    """Whether what earlier effects have undone in the traces stays so, and their columns do not put it back."""
-    for term in fit.terms:
-        if term.effect == column_of(added):
-            continue
-        whole = effect_class(term.effect).whole_sizes(term, fit)
-        if np.linalg.norm(whole) < LEAST_KEPT * np.linalg.norm(whole - np.array(term.sizes)):
-            return False
-    return True
 
 
 def _loses(fit: Fit, before: Fit) -> bool:
@@ -276,12 +237,10 @@ def _shown(fit: Fit, allowed: Collection[str]) -> list[str]:
 
 
 def _promising(pool: Pool, fits: dict[Names, Fit], allowed: Collection[str]) -> list[str]:
-    """Effects to try, by columns, likeness to the unnamed term, or single edges."""
+    """Effects to try, by columns or single edges."""
     gain = _gains(pool, allowed)
     order = sorted((n for n in gain if gain[n] > constants.PROMISING), key=lambda n: -gain[n])[:PROPOSED]
-    unnamed = {name.removeprefix(UNNAMED).partition(":")[0] for name in pool.best if name.startswith(UNNAMED)}
-    like = (n for n in gain if unnamed & set(effect_class(n).looks_like))
-    return list(dict.fromkeys((*order, *like, *_seen_in_edges(fits, allowed))))
+    return list(dict.fromkeys((*order, *_seen_in_edges(fits, allowed))))
 
 
 def _seen_in_edges(fits: dict[Names, Fit], allowed: Collection[str]) -> list[str]:

@@ -92,11 +92,10 @@ def compared(
     without: Collection[str] = (),
     most: int = constants.MOST_EFFECTS,
     before: Pool | None = None,
-    refuted: Collection[tuple[Names, Names]] = (),
 ) -> Pool:
     """Explanations at the fits, smallest first; a fit judges only sets with all its effects.
 
-    before: keeps levels. refuted: sets, and parts of them that a fit must have to judge them or larger ones.
+    before: keeps levels.
     """
     edges = np.logical_and.reduce([fit.use for fit in fits])
     made = () if before is None else before.searches
@@ -114,10 +113,7 @@ def compared(
     found: dict[Names, Found] = {}
     searches = tuple(_searched(linear, tuple(levels), without, most, made) for linear in linears)
     for search in searches:
-        own = set(effects_in(search.linear.fit))
         for names, one in _by_names(search).items():
-            if any(set(names).issuperset(whole) and not own.issuperset(part) for whole, part in refuted):
-                continue
             if names not in found or one.log_mass > found[names].log_mass:
                 found[names] = one
     kept = tuple(_that_matter(found, tuple(levels)))

@@ -79,8 +79,6 @@ class Effect(InFits):
     undone_in: ClassVar[str] = ""
     """What it is taken out of: "laser" or "touch" (by the hooks below), "stream" (repaired by inspection), "law of
     speed" and "law" (part of the latency law); empty: nothing."""
-    looks_like: ClassVar[tuple[str, ...]] = ()
-    """Covariates of unnamed structure for which its refit is worth trying, as columns show it badly there."""
     uneven_ages: ClassVar[bool] = False
     """Whether it leaves positions of uneven age, so that edges scatter in time."""
     detected_by: ClassVar[str] = ""

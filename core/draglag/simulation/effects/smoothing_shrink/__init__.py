@@ -39,7 +39,6 @@ class SmoothingShrink(Effect):
     undone_in: ClassVar[str] = "touch"
     drags_early: ClassVar[int] = -1
     refitted_by: ClassVar[str] = "draglag.simulation.effects.smoothing_shrink.refits"
-    looks_like: ClassVar[tuple[str, ...]] = ("direction_angle", "normal_acceleration")
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant_s", "s", 0.0, 0.1, 0.015),)
 
     def longest_wait_s(self, frame_s: float) -> float:

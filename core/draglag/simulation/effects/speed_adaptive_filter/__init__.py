@@ -51,7 +51,6 @@ class SpeedAdaptiveFilter(Effect):
     separated_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
     undone_in: ClassVar[str] = "law of speed"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.speed_adaptive_filter.refits"
-    looks_like: ClassVar[tuple[str, ...]] = ("normal_acceleration", "direction_angle")
     parameters: ClassVar[tuple[Parameter, ...]] = (
         # Beyond them it is a low-pass whose cut-off hardly follows the speed, or none.
         Parameter("fmin_hz", "Hz", 0.1, 5.0, USUAL.fmin_hz, title="lowest cut-off"),
