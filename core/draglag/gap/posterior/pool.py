@@ -177,21 +177,17 @@ def _by_names(search: Search) -> dict[Names, Found]:
     of_law = effects_in_law(fit)
     prior = len(of_law) * float(np.log(constants.P_EFFECT))
     falls = _falling(search)
-    alike: dict[tuple[int, ...], list[Explanation]] = {}  # the same members at hundreds of scales
-    for explanation in search.explanations:
-        alike.setdefault(explanation.members, []).append(explanation)
     masses: dict[Names, float] = {}
     best: dict[Names, Explanation] = {}
-    for members, scaled in alike.items():
-        names = tuple(sorted([*(search.linear.members[i].name for i in members), *of_law]))
+    for one in search.explanations:
+        names = tuple(sorted([*(search.linear.members[i].name for i in one.members), *of_law]))
         if not inside.issubset(names) or not one_law(names):
             continue
-        whole = float(np.logaddexp.reduce([one.log_mass for one in scaled]))
-        likeliest = max(scaled, key=lambda one: one.log_mass)
         for named, log_share in _by_shape(names, falls):
-            masses[named] = float(np.logaddexp(masses.get(named, -np.inf), whole + log_share))
-            if named not in best or likeliest.log_mass > best[named].log_mass:
-                best[named] = likeliest
+            mass = one.log_mass + log_share
+            masses[named] = float(np.logaddexp(masses[named], mass)) if named in masses else mass
+            if named not in best or one.log_mass > best[named].log_mass:
+                best[named] = one
     return {names: Found(mass + prior, search, best[names]) for names, mass in masses.items()}
 
 
