@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 
 from draglag.exchange import read_exchange
-from draglag.gap import close_gap
 from draglag.gap.streams.evidence import inspect
-from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, Session, TouchTrace
-from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.base import TouchEvents
 
@@ -111,10 +108,3 @@ def test_what_else_shapes_stamps_is_no_poll(
 ) -> None:
     found, _ = inspect(with_touch(sound, lambda touch: after(at_rate(touch, 133, jitter), *texts)))
     assert [f.effect for f in found] == named
-
-
-@pytest.mark.parametrize("seed", [12, 13])
-def test_a_polled_panel_that_follows_the_raw_speed_of_a_hand_scatters_by_no_more_than_sound_ones(seed: int) -> None:
-    session = simulate_session("screen-2", load_protocol("demo"), effects=[parse_effect("poll_grid=0.008")], seed=seed)
-    found = close_gap(session)
-    assert (found.verdict, [step.effect for step in found.steps]) == ("explained", ["poll_grid"])
