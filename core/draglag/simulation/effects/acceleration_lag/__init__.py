@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from draglag.gap.traces.edges import Placed
 
 LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5, 3e-5)  # sizes to begin from
-# Standard deviation of the window over which a panel's tracker may smooth the speed that it takes the acceleration of.
+# Standard deviation of the window over which a panel's tracker may smooth the speed that it takes the acceleration of,
+# the usual one first. Physical; without the shortest one of 18 sessions with a lag has a second name.
 WINDOWS_S = (0.05, 0.03, 0.07, 0.015)
 END_S = 0.3  # of a trace: three times what an acceleration behind it remembers
 ACCEL_UNKNOWN = 0.2  # share of a speed's change: how smooth it is taken for, no number of edges averages away
