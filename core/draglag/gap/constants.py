@@ -22,9 +22,9 @@ LEAST_MISFIT_MM = 0.005
 errors of the placing by 0.3 ms were a curve of another form in two of four simulated sessions with a drift of 60 ppm.
 """
 
-SLAB_MM = (0.1, 0.2, 0.5, 1.0, 3.0)
-"""mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: from twice the size of interest to
-the most that a usable screen shows.
+SLAB_MM = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
+"""mm RMS. Sizes that an effect of interest may have, all alike probable. Physical: half decades from twice the size of
+interest to more than clocks that drift by 15 ppm make of an hour's session (12 mm).
 """
 
 P_EFFECT = 0.02

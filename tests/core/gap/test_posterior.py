@@ -13,6 +13,7 @@ from scipy.stats import multivariate_normal
 
 from core import sound_sessions
 from draglag.gap import GapReport, close_gap, constants
+from draglag.gap.fitting.heldout import gap_mm
 from draglag.gap.fitting.joint import fit_session
 from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, remainder_rms_s
 from draglag.gap.fitting.model import LawParameters
@@ -245,3 +246,14 @@ def test_the_noise_is_sized_at_the_fit_of_an_effect_that_has_no_column_too() -> 
     linear = next(search.linear for search in pool.searches if search.linear.fit is with_plateau)
     own = normal(linear, likeliest_levels(linear)).base
     assert pool.found["low_speed_plateau",].log_mass > own + np.log(constants.P_EFFECT) - 0.5
+
+
+def test_an_effect_of_centimetres_is_not_shared_with_an_unnamed_one() -> None:
+    """The prior holds sizes of ten and more millimetres: a single effect of them is not less probable than two."""
+    session = simulate_session("screen-2", load_protocol("demo"), effects=[parse_effect("clock_drift=-150")], seed=1)
+    start = fit_session(session, gather(session))
+    fit = fit_session(session, start.runs, [Term("clock_drift")], start=start, law=start.law)
+    assert gap_mm(start) > 10.0
+    found = compared([start, fit], {"clock_drift"}, unsure_ages=False)
+    assert found.probability_of("?session_time:latency") < 0.05
+    assert found.probability_of("clock_drift") > 0.99
