@@ -75,6 +75,25 @@ def test_a_poll_is_seen_although_single_frames_are_lost(sound: Session, rate_hz:
     assert [f.effect for f in inspect(with_touch(sound, lossy))[0]] == ["poll_grid"]
 
 
+def test_polls_slower_than_the_frames_are_named_although_the_stylus_rests_in_one_run(sound: Session) -> None:
+    def newest(touch: TouchTrace) -> TouchTrace:
+        frames = at_rate(touch, 166)
+        tick = np.ceil(frames.t_s / 0.008)
+        keep = np.append(np.diff(tick) > 0, True)  # one report a poll: an older one is written over
+        late_s = np.random.default_rng(4).exponential(4e-5, np.count_nonzero(keep))
+        return TouchTrace(0.008 * tick[keep] + late_s, frames.x_mm[keep], frames.y_mm[keep])
+
+    moving = with_touch(sound, newest)
+    last = moving.runs[-1].touch
+    rests = last.t_s > np.quantile(last.t_s, 0.95)  # positions repeat there, and nothing holds them
+    resting = replace(
+        last, x_mm=np.where(rests, last.x_mm[-1], last.x_mm), y_mm=np.where(rests, last.y_mm[-1], last.y_mm)
+    )
+    for runs in (moving.runs, (*moving.runs[:-1], replace(moving.runs[-1], touch=resting))):
+        found, _ = inspect(replace(moving, runs=runs))
+        assert [(f.effect, f.rivals) for f in found] == [("poll_grid", ("sample_hold",))]
+
+
 @pytest.mark.parametrize("rate_hz", [100, 133, 240])
 def test_frames_have_their_own_times_again(sound: Session, rate_hz: float) -> None:
     waited = with_touch(sound, lambda touch: after(at_rate(touch, rate_hz), "poll_grid=0.008"))

@@ -23,6 +23,7 @@ from draglag.simulation.effects.timestamp_quantisation.stream import clock_in
 BUS_S = (0.002, 0.004, 0.008, 0.016, 0.032)  # intervals at which USB hosts poll: powers of two of its frames
 BUS_CLOCK = 5e-4  # by which the bus's clock may differ from the kernel's: its specification's tolerance
 FEW_REPEATS = 0.02  # of positions: more than accidents make
+REGULAR = 0.03  # of a period: 0.24 ms of 8, six times by how much arrivals jitter
 STEPS = 3.0  # of its coordinates that a run advances by from event to event, where a repeat means something
 
 
@@ -36,13 +37,13 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
     if even is not None and ages_remain(first, even, 1 / loop.value):
         even = None  # another beat was taken for theirs
     repaired = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
-    repeat = max(float(np.mean(repeats(touch))) for touch in streams.touches)
-    return of_the_bus(replace(loop, undone=even is not None), repeat), repaired
+    return of_the_bus(replace(loop, undone=even is not None), streams), repaired
 
 
-def of_the_bus(loop: StreamEffect, repeat: float) -> StreamEffect:
-    """The loop, as polls if its interval is that of a USB bus and positions do not repeat. repeat: share of repeats."""
+def of_the_bus(loop: StreamEffect, streams: Streams) -> StreamEffect:
+    """The loop, as polls if its interval is that of a USB bus and positions do not repeat while the stylus moves."""
     period_s = 1 / loop.value
+    repeat = _share_of_repeats(streams.touches, streams.step_mm)
     if repeat > FEW_REPEATS or not any(abs(period_s / bus_s - 1) < BUS_CLOCK for bus_s in BUS_S):
         return loop
     ci95_s = (1 / loop.ci95[1], 1 / loop.ci95[0])
@@ -65,7 +66,7 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
     if period_s <= 0:
         return None
     whole = np.maximum(np.round(intervals / period_s), 1)
-    regular = np.abs(intervals - period_s * whole) < 0.015 * period_s
+    regular = np.abs(intervals - period_s * whole) < REGULAR * period_s
     share = _share_of_repeats(touches, step_mm)
     age_s = uneven_age_s(touches, step_mm)
     if share <= FEW_REPEATS and age_s > UNEVEN_AGE * period_s:
