@@ -19,11 +19,11 @@ from draglag.gap.fitting.law_form import flexible, knots_over, nearest_eq5, rema
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.noise import Components, Scatter
 from draglag.gap.fitting.state import Term
-from draglag.gap.posterior.levels import log_prior
-from draglag.gap.posterior.linear import Linear, likeliest_levels, normal
+from draglag.gap.posterior.levels import PARTS, log_prior
+from draglag.gap.posterior.linear import Linear, likeliest_levels, linearised, normal
 from draglag.gap.posterior.members import Member, of_unit_rms
-from draglag.gap.posterior.pool import compared
-from draglag.gap.posterior.search import searched, sizes_mm
+from draglag.gap.posterior.pool import compared, likely_levels
+from draglag.gap.posterior.search import log_evidence, searched, sizes_mm
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
@@ -257,3 +257,32 @@ def test_an_effect_of_centimetres_is_not_shared_with_an_unnamed_one() -> None:
     found = compared([start, fit], {"clock_drift"}, unsure_ages=False)
     assert found.probability_of("?session_time:latency") < 0.05
     assert found.probability_of("clock_drift") > 0.99
+
+
+def test_the_likeliest_noise_does_not_depend_on_where_its_search_begins() -> None:
+    """Explanations at different fits are compared: a search that stops early would cost one of them tens of nats."""
+    session = sound_sessions.recorded()
+    fit = fit_session(session, gather(session))
+    seen = linearised(fit, frozenset(), False, fit.use)
+    largest = Components(**{name: part.values[-1] for name, part in PARTS.items()})
+    starts = (Components(), largest, Components(**dict.fromkeys(PARTS, 0.0) | {"misfit_mm": 0.02, "late_s": 0.003}))
+    each = [normal(seen, likeliest_levels(seen, start=start)).base for start in starts]
+    assert max(each) - min(each) < 0.5  # nats that a search may leave
+
+
+def test_a_fit_s_effect_alone_is_judged_at_the_noise_that_is_likely_with_it_alone() -> None:
+    """With a member that has the runs' offsets they seem not to scatter: levels of that set would favour it."""
+    rng = np.random.default_rng(6)
+    n, runs = 600, 40
+    run = np.repeat(np.arange(runs), n // runs)
+    own = Member("scan_skew", (), rng.standard_normal((n, 1)), np.log(0.02))
+    offsets = Member("?run:offset", (), rng.standard_normal((runs, 1))[run], np.log(0.02))
+    residual_mm = 2.0 * own.columns[:, 0] + 0.15 * offsets.columns[:, 0] + 0.1 * rng.standard_normal(n)
+    seen = linear(rng, residual_mm, (own, offsets), ("scan_skew",))
+    seen = replace(seen, parts=replace(seen.parts, run=run, loose_s=np.zeros(runs)))
+    levels, search = likely_levels(seen, (), (Components(edge_mm=0.03, run_s=0.0, run_mm=0.0),), most=4)
+    alone = next(e for e in search.explanations if search.names(e) == ("scan_skew",))
+    value = max(log_evidence(searched(seen, (normal(seen, one),)), alone)[0] for one in levels)
+    best = likeliest_levels(seen, alone.members, alone.scales_mm, Components(run_mm=0.1))
+    assert best.run_mm > 0.0
+    assert value > log_evidence(searched(seen, (normal(seen, best),)), alone)[0] - 1.0

@@ -26,7 +26,7 @@ from draglag.recording import FloatArray, IntArray
 from draglag.simulation.effects import effect_class
 
 ENOUGH = 0.5  # nats that one round over the levels still gains. Derived: below one
-ROUNDS = 2  # over the levels. Derived: cost
+ROUNDS = 10  # over the levels at most: three to five are usual. Derived: cost
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def compared(
     levels: dict[Components, None] = {} if before is None else dict.fromkeys(before.levels)
     for linear in linears:
         if id(linear.fit) not in known:
-            likely, search = _likely_levels(linear, without, tuple(levels), most)
+            likely, search = likely_levels(linear, without, tuple(levels), most)
             levels |= dict.fromkeys(likely)
             made = (*made, search)
     found: dict[Names, Found] = {}
@@ -127,10 +127,10 @@ def _that_matter(found: dict[Names, Found], levels: tuple[Components, ...]) -> l
     return [one for one, keep in zip(levels, near.any(axis=0), strict=True) if keep]
 
 
-def _likely_levels(
+def likely_levels(
     linear: Linear, without: Collection[str], seeds: tuple[Components, ...], most: int
 ) -> tuple[tuple[Components, ...], Search]:
-    """Components likely without members or with the best explanation; its search."""
+    """Components likely with the fewest members and with the best explanation; its search."""
     out: dict[Components, None] = dict.fromkeys(seeds)
     if not out:
         found = likeliest_levels(linear)
@@ -138,11 +138,11 @@ def _likely_levels(
         sound = replace(found, run_s=min(found.run_s, Components().run_s))
         out |= dict.fromkeys((*_and_sound(linear, found), *_and_sound(linear, sound)))
     search = _searched(linear, tuple(out), without, most)
-    best = _own_best(search)
-    if best is not None and (best.members or seeds):  # with an effect of the law best may have no member
-        at_best = search.normals[int(np.argmax(log_evidence(search, best)))].levels
-        levels = likeliest_levels(linear, best.members, best.scales_mm, at_best)
-        out |= dict.fromkeys(_and_sound(linear, levels))
+    for one in _fewest_and_best(search):
+        if one.members or seeds:  # with an effect of the law it may have no member
+            likeliest = search.normals[int(np.argmax(log_evidence(search, one)))].levels
+            levels = likeliest_levels(linear, one.members, one.scales_mm, likeliest)
+            out |= dict.fromkeys(_and_sound(linear, levels))
     return tuple(out), search
 
 
@@ -164,10 +164,12 @@ def _searched(
     return searched(linear, tuple(normals), without, most)
 
 
-def _own_best(search: Search) -> Explanation | None:
+def _fewest_and_best(search: Search) -> dict[Explanation, None]:
+    """With all effects of the fit. Levels likely for the best alone would favour what it has in addition."""
     inside = set(own_effects(search.linear.fit))
     own = [e for e in search.explanations if not inside or inside <= set(search.names(e))]
-    return max(own, key=lambda e: e.log_mass, default=None)
+    by_mass = sorted(own, key=lambda e: -e.log_mass)
+    return dict.fromkeys([*sorted(by_mass, key=lambda e: e.size)[:1], *by_mass[:1]])
 
 
 def _by_names(search: Search) -> dict[Names, Found]:
