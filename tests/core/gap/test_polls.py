@@ -127,3 +127,23 @@ def test_what_else_shapes_stamps_is_no_poll(
 ) -> None:
     found, _ = inspect(with_touch(sound, lambda touch: after(at_rate(touch, 133, jitter), *texts)))
     assert [f.effect for f in found] == named
+
+
+def wandering(touch: TouchTrace, rate_hz: float, jitter: float) -> TouchTrace:
+    """The run seen by a panel whose next frame starts from the last one: the jitter of its intervals adds up."""
+    rng = np.random.default_rng(3)
+    n = int((touch.t_s[-1] - touch.t_s[0]) * rate_hz)
+    t_s = touch.t_s[0] + np.cumsum(1 + jitter * rng.standard_normal(n)) / rate_hz
+    x, y = (np.interp(t_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
+    noise = rng.normal(0, 0.05, (2, n))
+    return TouchTrace(t_s, x + noise[0], y + noise[1], np.zeros(n, np.int64))
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "jitter", "known"), [(62, 0.0, True), (90, 0.005, True), (62, 0.03, False), (133, 0.01, False)]
+)
+def test_ages_are_stated_as_known_only_where_frames_keep_their_phase(
+    sound: Session, rate_hz: float, jitter: float, known: bool
+) -> None:
+    held = with_touch(sound, lambda touch: after(wandering(touch, rate_hz, jitter), "sample_hold=100"))
+    assert [(f.effect, f.undone) for f in inspect(held)[0]] == [("sample_hold", known)]
