@@ -94,6 +94,18 @@ def test_polls_slower_than_the_frames_are_named_although_the_stylus_rests_in_one
         assert [(f.effect, f.rivals) for f in found] == [("poll_grid", ("sample_hold",))]
 
 
+def test_positions_that_rest_on_a_panel_of_fairly_even_frames_are_no_loop(sound: Session) -> None:
+    """Its intervals differ by one per cent, four times as much as those of a loop: a deadband repeats positions."""
+
+    def rests(touch: TouchTrace) -> TouchTrace:
+        own = at_rate(touch, 120, 0.006)
+        still = np.random.default_rng(5).uniform(size=own.t_s.size) < 0.05
+        kept = np.maximum.accumulate(np.where(still, 0, np.arange(own.t_s.size)))
+        return replace(own, x_mm=own.x_mm[kept], y_mm=own.y_mm[kept])
+
+    assert "sample_hold" not in [f.effect for f in inspect(with_touch(sound, rests))[0]]
+
+
 @pytest.mark.parametrize("rate_hz", [100, 133, 240])
 def test_frames_have_their_own_times_again(sound: Session, rate_hz: float) -> None:
     waited = with_touch(sound, lambda touch: after(at_rate(touch, rate_hz), "poll_grid=0.008"))

@@ -23,7 +23,9 @@ from draglag.simulation.effects.timestamp_quantisation.stream import clock_in
 BUS_S = (0.002, 0.004, 0.008, 0.016, 0.032)  # intervals at which USB hosts poll: powers of two of its frames
 BUS_CLOCK = 5e-4  # by which the bus's clock may differ from the kernel's: its specification's tolerance
 FEW_REPEATS = 0.02  # of positions: more than accidents make
-REGULAR = 0.03  # of a period: 0.24 ms of 8, six times by how much arrivals jitter
+# Of a period: stamps of a loop lie within the first, half of them within the second (0.24 and 0.04 ms of 8: arrivals
+# jitter by 0.04 ms, usual panels' frames by 3 %).
+REGULAR, MEDIAN = 0.03, 0.005
 STEPS = 3.0  # of its coordinates that a run advances by from event to event, where a repeat means something
 
 
@@ -66,12 +68,14 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
     if period_s <= 0:
         return None
     whole = np.maximum(np.round(intervals / period_s), 1)
-    regular = np.abs(intervals - period_s * whole) < REGULAR * period_s
+    off_s = np.abs(intervals - period_s * whole)
+    regular = off_s < REGULAR * period_s
+    even = float(np.mean(regular)) >= 0.97 and float(np.median(off_s)) < MEDIAN * period_s
     share = _share_of_repeats(touches, step_mm)
     age_s = uneven_age_s(touches, step_mm)
     if share <= FEW_REPEATS and age_s > UNEVEN_AGE * period_s:
         age_s = _age_without_ripple_s(touches, step_mm, age_s)
-    if float(np.mean(regular)) < 0.97 or not (share > FEW_REPEATS or age_s > UNEVEN_AGE * period_s):
+    if not even or not (share > FEW_REPEATS or age_s > UNEVEN_AGE * period_s):
         return None
     period_s = float(np.sum(intervals[regular]) / np.sum(whole[regular]))
     spread = float(np.std(intervals[regular] / whole[regular])) / math.sqrt(intervals.size)
