@@ -250,7 +250,8 @@ def test_the_noise_is_sized_at_the_fit_of_an_effect_that_has_no_column_too() -> 
 
 def test_an_effect_of_centimetres_is_not_shared_with_an_unnamed_one() -> None:
     """The prior holds sizes of ten and more millimetres: a single effect of them is not less probable than two."""
-    session = simulate_session("screen-2", load_protocol("demo"), effects=[parse_effect("clock_drift=-150")], seed=1)
+    effect = parse_effect("clock_drift=-300")
+    session = simulate_session("screen-2", sound_sessions.brief_protocol(), effects=[effect], seed=1)
     start = fit_session(session, gather(session))
     fit = fit_session(session, start.runs, [Term("clock_drift")], start=start, law=start.law)
     assert gap_mm(start) > 10.0
