@@ -19,6 +19,7 @@ from draglag.recording import FloatArray
 from draglag.shown import table_html
 
 FEWEST_SPEEDS = 5  # as many as Eq. 5 has coefficients: fewer do not identify a decay
+RESOLVED_MS = 1e-6  # of a latency: no clock resolves a nanosecond
 CLEARLY_BETTER = 6.0  # AICc units a rival must gain before it replaces Eq. 5
 
 
@@ -252,11 +253,10 @@ def _finish(
     error_s = points.latency_s - shown_s(form, values, points)
     n, k = speed.size, form.n_parameters - (tied_s is not None)
     jacobian = 1e-3 * jacobian_ms(form, values, speed)
-    free = np.ones(values.size, bool)
-    free[len(form.shape_names) :] = values[len(form.shape_names) :] > 0
+    # By how much each parameter moves the curve: an amplitude at its bound, but for rounding, and its rate do not.
+    free = 1e3 * np.abs(jacobian * values).max(0) > RESOLVED_MS
     if tied_s is not None:
         free[-1] = False
-    free &= (jacobian**2).sum(0) > 0  # a rate without an amplitude
     covariance = np.zeros((values.size, values.size))
     normal = (jacobian[:, free] / variance_s2[:, None]).T @ jacobian[:, free]
     # Scaled, so that rates in s/mm and amplitudes in ms weigh alike: what the runs leave open has a wide interval.
