@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr
 
 from draglag.curve.fit import CurveFit
 from draglag.recording import FloatArray
@@ -72,5 +72,5 @@ def curve_difference(
     halves = [0.5 * (band[1] - band[0]) for band in (first.band_s(speed), second.band_s(speed))]
     half = np.maximum(np.hypot(*halves), 1e-9)
     largest = float(np.max(np.abs(difference) / half)) * 1.96
-    p_value = min(1.0, 2 * float(ndtr(-largest)) * speed.size)
+    p_value = min(1.0, math.erfc(largest / np.sqrt(2)) * speed.size)
     return CurveDifference(speed, difference, difference - half, difference + half, p_value)

@@ -8,13 +8,13 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from draglag.curve.forms import FORMS, Form
 from draglag.curve.points import CurvePoints, distinct_speeds
 from draglag.curve.separable import evaluated_ms, jacobian_ms, shown_s, slope_s_per_mm_s, solved
 from draglag.errors import EstimateError
 from draglag.messages import message, phrase
+from draglag.numerics import student_t
 from draglag.recording import FloatArray
 from draglag.shown import table_html
 
@@ -81,7 +81,7 @@ class CurveFit:
         return dict(sorted(pairs.items(), key=lambda item: -abs(item[1])))
 
     def _reach(self, level: float) -> float:
-        return float(stdtrit(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2))
+        return student_t(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2)
 
     def predict_s(self, speed_mm_s: FloatArray) -> FloatArray:
         """L(v); an extrapolation where not ``inside``."""

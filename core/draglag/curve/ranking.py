@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 from draglag.curve.fit import CurveFit
 from draglag.curve.forms import FORMS
 from draglag.curve.separable import jacobian_ms
 from draglag.errors import EstimateError
+from draglag.numerics import student_t
 
 SPEEDS = 50  # that the mean is taken over, even in the logarithm of speed: each octave counts alike
 DRAWS = 4000  # of all means by their errors: ends of a 95 % interval of ranks are known to one or two hundredths
@@ -81,5 +81,5 @@ def _mean_s(curve: CurveFit, low_mm_s: float, high_mm_s: float) -> tuple[float, 
     form = FORMS[curve.form]
     slope = jacobian_ms(form, curve.values, speed).mean(0)
     se_s = 1e-3 * float(np.sqrt(max(slope @ curve.covariance @ slope, 0.0)))
-    wide = float(stdtrit(max(curve.n_points - form.n_parameters, 1), 0.5 + LEVEL / 2))
+    wide = student_t(max(curve.n_points - form.n_parameters, 1), 0.5 + LEVEL / 2)
     return float(curve.predict_s(speed).mean()), se_s, wide * se_s

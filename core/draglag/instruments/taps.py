@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import bdtr
 
 from draglag.recording import FloatArray, Taps
 from draglag.shown import brief
@@ -48,6 +47,8 @@ class TapSummary:
 
 def summarise_taps(taps: Taps | None, clock_uncertainty_s: float = 0.0) -> dict[str, TapSummary]:
     """Summaries of usable "touch" and "release" events."""
+    from scipy.special import bdtr
+
     if taps is None:
         return {}
     out = {}

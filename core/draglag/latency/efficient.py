@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from draglag.instruments.beam import Lines, sides, stylus_diameter_mm
 from draglag.latency.arrival import Arrival, set_back
@@ -17,6 +16,7 @@ from draglag.latency.pauses import NONE, Pauses, without_pauses
 from draglag.latency.scan import Scan, scan
 from draglag.latency.track import Track, track_of
 from draglag.latency.weighing import Known, known_fit, likely_scatter_mm, outliers, weighted_fit
+from draglag.numerics import student_t
 from draglag.path.events import in_contact
 from draglag.recording import FloatArray
 
@@ -248,7 +248,7 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution, arrival: Arri
     latency_s, se_s = pauses.mixed(outside_s, float(np.hypot(best.se_s, spread_s)), n)
     by_pauses_s = latency_s - outside_s
     latency_s, se_s = latency_s + late_s, float(np.hypot(se_s, late_se_s))
-    reach = float(stdtrit(max(min(best.dof, best.track.path.noise_dof), 1.0), 0.975)) * se_s
+    reach = student_t(max(min(best.dof, best.track.path.noise_dof), 1.0), 0.975) * se_s
     x_mm = alignment.x_mm
     # Noise across the motion adds half its variance over the speed, which is taken off again. Tremor, which the path
     # averages away, adds as much; and an edge is the likelier the faster the stylus crosses.

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.fft import irfft
 from numpy.typing import NDArray
-from scipy.fft import irfft
 from scipy.linalg.lapack import dpbtrf, dpbtrs
-from scipy.sparse import csc_array
 
 from draglag.latency.spectrum import NOISE_UP_TO_HZ, Events, penalty, penalty_at_corner
 from draglag.recording import FloatArray, IntArray
@@ -24,7 +23,8 @@ class Path:
     """The smoothed path on even knots.
 
     ``factor``: banded Cholesky factor of the normal equations; ``noise_mm``: standard deviation of an event, were its
-    noise everywhere as below the corner; ``gather``: (k, n) splines at the events.
+    noise everywhere as below the corner; ``first``, ``weights``: of the splines at each event, (n,) and
+    (4, n).
     """
 
     start_s: float
@@ -36,7 +36,8 @@ class Path:
     corner_hz: float
     noise_dof: float
     dt_s: float
-    gather: csc_array = field(repr=False)
+    first: IntArray = field(repr=False)
+    weights: FloatArray = field(repr=False)
 
     def at(self, t_s: FloatArray, order: int = 0) -> FloatArray:
         """Position (order 0), velocity (1) or acceleration (2) at times of any shape, (..., 2)."""
@@ -73,7 +74,10 @@ class Path:
 
     def like(self, values: FloatArray) -> Path:
         """The same smoother on other values (n, 2)."""
-        return replace(self, coefficients=_solved(self.factor, self.gather @ values))
+        return replace(
+            self,
+            coefficients=_solved(self.factor, _gathered(self.first, self.weights, values, self.coefficients.shape[0])),
+        )
 
     def by_lag(self, lag_s: FloatArray) -> FloatArray:
         """Autocovariance of one coordinate's error away from ends and gaps, mm²."""
@@ -133,7 +137,7 @@ def tapered(by_lag: FloatArray, step_s: float) -> FloatArray:
     return out
 
 
-def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[IntArray, list[FloatArray]]:
+def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[IntArray, FloatArray]:
     position = (t_s - start_s) / step_s
     first = np.clip(position.astype(np.int64), 0, n - 4)
     u = position - first
@@ -141,7 +145,16 @@ def _bspline(t_s: FloatArray, start_s: float, step_s: float, n: int) -> tuple[In
     u3 = u * u * u
     low = v * v * v / 6
     b = (3 * u3 - 6 * u * u + 4) / 6
-    return first, [low, b, 1 - low - b - u3 / 6, u3 / 6]
+    return first, np.stack([low, b, 1 - low - b - u3 / 6, u3 / 6])
+
+
+def _gathered(first: IntArray, weights: FloatArray, values: FloatArray, n: int) -> FloatArray:
+    """Sums over the events of splines times values (n, 2), (k, 2)."""
+    out = np.zeros((n, 2), order="F")
+    for a in range(4):
+        for axis in range(2):
+            out[:, axis] += np.bincount(first + a, weights[a] * values[:, axis], n)
+    return out
 
 
 def _solved(factor: FloatArray, values: FloatArray) -> FloatArray:
@@ -192,10 +205,7 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
     strength = step_s / events.dt_s / float(penalty_at_corner(np.array([corner_hz]), rhythm_hz)[0])
     strength /= (2 * np.pi * step_s) ** (2 * (taps.size - 1))
     factor = _factor(bands, taps, strength, 1e-10 * step_s / events.dt_s)
-    column = first[:, None] + np.arange(4)
-    row_starts = np.arange(0, 4 * t_s.size + 1, 4)
-    gather = csc_array((np.stack(weights, axis=1).ravel(), column.ravel(), row_starts), shape=(n, t_s.size))
-    coefficients = _solved(factor, gather @ events.xy_mm)
+    coefficients = _solved(factor, _gathered(first, weights, events.xy_mm, n))
     noise_mm = float(np.sqrt(noise_power / (2 * events.dt_s)))
     # Independent values of the spectrum that the noise below the corner is continued from; continuing halves them.
     noise_dof = 0.5 * max(NOISE_UP_TO_HZ - corner_hz, 1.0) * float(t_s[-1] - t_s[0])
@@ -210,5 +220,6 @@ def smooth_path(events: Events, rhythm_hz: float, corner_hz: float, noise_power:
         corner_hz=corner_hz,
         noise_dof=noise_dof,
         dt_s=events.dt_s,
-        gather=gather,
+        first=first,
+        weights=weights,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.fft import rfft
+from numpy.fft import rfft
 
 from draglag.path.events import median, sample_interval_s
 from draglag.recording import FloatArray, IntArray

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from numpy.fft import irfft, rfft
 
 from draglag.latency.path import INDEPENDENT_S, Path, looked_up, tapered
 from draglag.latency.spectrum import Events
+from draglag.numerics import fast_length
 from draglag.recording import FloatArray
 
 BAND_HZ = (7.0, 14.0)
@@ -64,7 +65,7 @@ def tremor_of(events: Events, path: Path, v_mm_s: FloatArray, under: Path | None
     ``v_mm_s``: (n, 2) the path's velocity; ``under``: another path it is added to, which may keep some tremor.
     """
     n = int(events.slot[-1]) + 1
-    size = next_fast_len(n + round(1.0 / events.dt_s), real=True)
+    size = fast_length(n + round(1.0 / events.dt_s))
     f_hz = np.arange(size // 2 + 1) / (size * events.dt_s)
     if f_hz[-1] < FLANKS_HZ[1][1] + 2 or n * events.dt_s < 2.0:
         return None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from draglag.curve import CurveFit
 from draglag.instruments.taps import TapSummary
@@ -58,7 +58,7 @@ def asymptote_check(
     for kind, summary in taps.items():
         se = max(float(np.hypot(summary.median_se_s, asymptote_se)), 1e-9)
         difference = summary.median_s - asymptote_s
-        p_value = float(ndtr(-(margin_s - abs(difference)) / se))
+        p_value = 0.5 * math.erfc((margin_s - abs(difference)) / (np.sqrt(2) * se))
         out.append(
             AsymptoteCheck(kind, difference, (difference - 1.96 * se, difference + 1.96 * se), margin_s, p_value)
         )
