@@ -25,8 +25,11 @@ if TYPE_CHECKING:
 # sixteenth of a period of tremor.
 COARSE = 5
 SMOOTHED = 31  # coarse points, about 0.15 s: a hand speeds up and slows down at 1 to 4 Hz. Physical
-ROUNDS = 4  # of the inversion of circles. Derived: cost
-ROUNDS_UNSTEADY = 10  # of the inversion of steps and chirps, which begin farther off. Derived
+ROUNDS = 14  # of the inversion, three or four for most effects. Derived: cost
+MOVES = 4  # rounds in which places are moved back: noise that a low-pass lets nothing of through grows. Derived
+SETTLED = 0.99  # of the path; ends and gaps do not converge. Derived: cost
+MIXED = 6  # earlier rounds that the next is mixed from. Derived: an acceleration lag converges within 7 to 14 rounds
+FARTHEST_S = 0.03  # a latency moves in a round. Physical: a fifth of the longest
 
 
 def hand_motion(
@@ -42,27 +45,55 @@ def hand_motion(
     trace_mm, velocity_mm_s = _smoothed_trace(data, float(np.median(latency_s)))
     moved = np.zeros((coarse.size, 2))
     quiet = rig.ideal()
-    rounds = ROUNDS if data.steady else ROUNDS_UNSTEADY
-    for k in range(rounds + 1):
+    tried: list[tuple[FloatArray, FloatArray]] = []
+    for k in range(ROUNDS + 1):
         at_s = np.clip(t[coarse] + start_s + late, data.t_s[0], data.t_s[-1])
         here = trace_mm(at_s) - moved
         # In the stylus' own time the trace runs at another rate: d(t + L)/dt.
         rate = np.clip(1 + np.gradient(late, t[coarse]), 0.3, 3.0)
         velocity = velocity_mm_s(at_s) * _smooth(rate)[:, None]
         motion = _motion(t, t[coarse], here, velocity)
-        if k == rounds:
+        if k == ROUNDS:
             break
         kinematics = Kinematics(motion, t + start_s - origin_s, rig.screen.width_mm, rig.screen.height_mm)
         report = reporting(quiet, kinematics, effects, lambda name: np.random.default_rng(0))
-        step = np.clip(report.latency_s[coarse] + held_s(effects) - late, -0.03, 0.03)
-        late = late + (1.0 if data.steady or k >= rounds - 2 else 0.5) * step
-        moved = np.column_stack([report.x_mm - motion.x_mm, report.y_mm - motion.y_mm])[coarse]
-        if not moved.any() and np.max(np.abs(step)) < EXACT_S:
+        step = report.latency_s[coarse] + held_s(effects) - late
+        if k < MOVES:
+            moved = np.column_stack([report.x_mm - motion.x_mm, report.y_mm - motion.y_mm])[coarse]
+            if moved.any() and coarse.size > SMOOTHED:
+                # A low-pass cannot be undone at frequencies it lets nothing of through: noise would grow every round.
+                moved = smoothed(moved, SMOOTHED, 3)
+        if (k >= MOVES or not moved.any()) and np.quantile(np.abs(step), SETTLED) < EXACT_S:
             break  # converged as closely as edges are placed
-        if moved.any() and coarse.size > SMOOTHED:
-            # A low-pass cannot be undone at frequencies it lets nothing of through: noise would grow at every round.
-            moved = smoothed(moved, SMOOTHED, 3)
+        step = _implicit(step, sum(effect.per_acceleration_s3_mm() for effect in effects) * motion.speed_mm_s[coarse])
+        tried = [*tried[-MIXED:], (late, np.clip(step, -FARTHEST_S, FARTHEST_S))]
+        late = _mixed(tried)
     return motion, start_s
+
+
+def _implicit(step_s: FloatArray, lag_s2: FloatArray) -> FloatArray:
+    """Step s (n,) with s − lag_s2 · s″ = step_s: a later point lowers the acceleration that made it late.
+
+    lag_s2: (n,) latency per acceleration times the speed. Explicit steps would grow without end.
+    """
+    from scipy.linalg import solve_banded
+
+    if not lag_s2.any():
+        return step_s
+    q = lag_s2 * (GRID_HZ / COARSE) ** 2
+    own = 1 + 2 * q
+    own[[0, -1]] -= q[[0, -1]]
+    return np.asarray(solve_banded((1, 1), np.array([-np.append(0, q[:-1]), own, -np.append(q[1:], 0)]), step_s))
+
+
+def _mixed(tried: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Next point (n,) of a fixed-point search by Anderson's mixing (1965), from points and their steps."""
+    points, steps = (np.array(values) for values in zip(*tried, strict=True))
+    if len(tried) == 1:
+        return np.asarray(points[0] + steps[0])
+    by_point, by_step = np.diff(points, axis=0), np.diff(steps, axis=0)
+    share = np.linalg.lstsq(by_step.T, steps[-1], rcond=None)[0]
+    return np.asarray(points[-1] + steps[-1] - share @ (by_point + by_step))
 
 
 def _smoothed_trace(data: RunData, latency_s: float) -> tuple[CubicSpline, CubicSpline]:

@@ -65,7 +65,7 @@ class Replay:
     """A session simulated again.
 
     run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated. again: simulated
-    runs, repaired. between_runs_s: in the model.
+    runs, repaired. between_runs_s: in the model, and by a loop's phase.
     """
 
     effects: tuple[Effect, ...]
@@ -206,8 +206,15 @@ def replay(
         fit.placed.v_mm_s[fit.use, 1],
         reference or fit,
         again_runs,
-        fit.white.components.run_s,
+        float(np.hypot(fit.white.components.run_s, _by_phase_s(effects, fit))),
     )
+
+
+def _by_phase_s(effects: Sequence[Effect], fit: Fit) -> float:
+    """Standard deviation of the difference of two runs' mean delays that a loop's phase, anywhere in each, makes."""
+    frame_s = float(np.median([sample_interval_s(data.t_s) for data in fit.runs]))
+    longest_s = max((effect.longest_wait_s(frame_s) for effect in effects if effect.estimated_with), default=0.0)
+    return float(np.sqrt(2 / 12) * longest_s)
 
 
 def _simulated_session(session: Session, fit: Fit, effects: tuple[Effect, ...], report_progress: Progress) -> Session:

@@ -146,6 +146,10 @@ class Effect(InFits):
         """Latency, (n,)."""
         return latency_s
 
+    def per_acceleration_s3_mm(self) -> float:
+        """Latency per tangential acceleration, s per mm/s², if it grows with it: such a hand is hard to recover."""
+        return 0.0
+
     def position(self, x_mm: FloatArray, y_mm: FloatArray, k: Kinematics) -> tuple[FloatArray, FloatArray]:
         """Reported position, (n,)."""
         return x_mm, y_mm

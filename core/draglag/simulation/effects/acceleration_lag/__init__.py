@@ -15,8 +15,10 @@ from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
 if TYPE_CHECKING:
+    from draglag.gap.fitting.joint import Fit
     from draglag.gap.fitting.state import Term
     from draglag.gap.traces.edges import Placed
+    from draglag.simulation.effects.fitted_shape import FittedShape
 
 LAGS_S3_MM = (0.0, 4e-6, 8e-6, 1.2e-5, 2e-5, 3e-5)  # sizes to begin from
 # Standard deviation of the window over which a panel's tracker may smooth the speed that it takes the acceleration of,
@@ -91,6 +93,16 @@ class AccelerationLag(Effect):
             return view
         trace = view.trace.accelerated(*setting)
         return replace(view, trace=trace, accel=trace.acceleration(*setting)[0])
+
+    @classmethod
+    def shape_in(cls, term: Term, fit: Fit) -> FittedShape | None:
+        return cls.of_shape(float(term.sizes[0]), term.theta, term.sizes, 0.0)
+
+    @classmethod
+    def of_shape(cls, value: float, theta: Theta, sizes: Theta, about: float) -> FittedShape | None:
+        from draglag.simulation.effects.acceleration_lag.fitted import SmoothedLag
+
+        return SmoothedLag(value, tuple(Setting(*theta[:2])), tuple(sizes), about)
 
     @classmethod
     def theta_at(cls, theta: Theta, sizes: Theta) -> Theta:
