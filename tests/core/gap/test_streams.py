@@ -201,7 +201,9 @@ def test_losses_of_contact_are_reported_per_time_of_contact(sound: Session) -> N
     assert high < 75
 
 
-def test_straight_fills_are_counted_although_stamps_jitter(sound: Session) -> None:
+@pytest.mark.parametrize("by_count", [False, True])
+def test_straight_fills_are_counted_although_stamps_jitter(sound: Session, by_count: bool) -> None:
+    """Fills are even in time, or from event to event."""
     rng = np.random.default_rng(8)
 
     def filled(touch: TouchTrace) -> TouchTrace:
@@ -209,7 +211,8 @@ def test_straight_fills_are_counted_although_stamps_jitter(sound: Session) -> No
         lost = np.zeros(t_s.size, bool)
         for start in np.arange(t_s[0] + 1, t_s[-1] - 1, 3.0):  # 20 a minute, 100 ms each
             lost |= (t_s > start) & (t_s < start + 0.1)
-        x, y = (np.interp(t_s, t_s[~lost], values[~lost]) for values in (touch.x_mm, touch.y_mm))
+        at = np.arange(t_s.size) if by_count else t_s
+        x, y = (np.interp(at, at[~lost], values[~lost]) for values in (touch.x_mm, touch.y_mm))
         return replace(touch, t_s=t_s, x_mm=x, y_mm=y)
 
     found, repaired = inspect(with_touch(sound, filled))

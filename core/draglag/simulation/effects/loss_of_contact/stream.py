@@ -39,18 +39,29 @@ def filled_losses(
 
     uneven_ages: spacing is no evidence. resolution_mm: of quantised coordinates, whose lines bend.
     """
+    # Drivers fill evenly in time, or by count of events, whose stamps jitter.
+    found = [_filled(runs, uneven_ages, resolution_mm, by_count) for by_count in (False, True)]
+    effect, repaired = max(found, key=lambda one: 0.0 if one[0] is None else one[0].value)
+    return effect, repaired
+
+
+def _filled(
+    runs: tuple[Run, ...], uneven_ages: bool, resolution_mm: float, by_count: bool
+) -> tuple[StreamEffect | None, tuple[Run, ...]]:
+    """With fills even by count of events, or in time."""
     least = 4 if uneven_ages else 3
     n_events = sum(run.touch.t_s.size for run in runs)
     length_s: list[float] = []
     total_s = 0.0
     out = []
-    usual_bend = _usual_at_speed([run.touch for run in runs]) if resolution_mm else {}
+    touches = [replace(run.touch, t_s=_by_count(run.touch.t_s)) if by_count else run.touch for run in runs]
+    usual_bend = _usual_at_speed(touches) if resolution_mm else {}
     for index, run in enumerate(runs):
         out.append(run)
         t = run.touch.t_s
         if t.size < LEAST_EVENTS:
             continue
-        straight = _lines(run.touch, uneven_ages, resolution_mm, usual_bend.get(index), n_events)
+        straight = _lines(touches[index], uneven_ages, resolution_mm, usual_bend.get(index), n_events)
         if straight is None:
             continue
         total_s += float(t[-1] - t[0])
@@ -74,6 +85,15 @@ def filled_losses(
         count / max(len(runs), 1),
     )
     return effect, tuple(out)
+
+
+def _by_count(t_s: FloatArray) -> FloatArray:
+    """Times (n,) of whole frames."""
+    if t_s.size < LEAST_EVENTS:
+        return t_s
+    frame_s = float(np.median(np.diff(t_s)))
+    frames = np.maximum(np.round(np.diff(t_s) / max(frame_s, 1e-6)), 1)
+    return np.asarray(t_s[0] + frame_s * np.append(0.0, np.cumsum(frames)))
 
 
 def _long_enough(
