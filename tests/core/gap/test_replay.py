@@ -10,8 +10,10 @@ import pytest
 
 from draglag.exchange import read_exchange
 from draglag.gap.fitting.joint import Fit, fit_session
+from draglag.gap.fitting.law_form import flexible, knots_over
+from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.state import Term, term_signature
-from draglag.gap.replaying.realised import effects_of_fit, made
+from draglag.gap.replaying.realised import LawOfOwnForm, effects_of_fit, made
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
@@ -113,6 +115,17 @@ def test_a_fitted_effect_moves_simulated_edges_as_it_moves_measured_ones(name: s
     noise_mm = np.sqrt(np.mean(np.einsum("ij,jk,ik->i", column, spread, column)))
     assert noise_mm < 0.3 * np.std(measured_mm)
     assert np.sqrt(np.mean((simulated_mm - measured_mm) ** 2)) < 3 * noise_mm
+
+
+def test_a_law_of_its_own_form_is_simulated_as_fitted() -> None:
+    """At the many speeds of a run it comes from a table."""
+    knots = knots_over(np.geomspace(40.0, 1000.0, 200))
+    eq5 = LawParameters(0.12, 0.004, 0.3, 0.025, 0.046)
+    law = replace(flexible(eq5, knots), remainder_s=tuple(5e-3 * np.cos(np.arange(len(knots)))))
+    simulated = LawOfOwnForm(law.a1_s, law.a2_s_mm, law.a4_s, law.a5_s_mm, 1e3 * law.a7_s + 4.0, law)
+    speed = np.geomspace(0.05, 2000.0, 20_000)
+    # An edge is placed to 20 µs.
+    assert simulated.latency_s(speed) == pytest.approx(law(speed) + 4e-3, abs=5e-6)
 
 
 def test_sizes_beyond_an_effect_s_bounds_are_held_at_them() -> None:

@@ -25,11 +25,9 @@ if TYPE_CHECKING:
 # sixteenth of a period of tremor.
 COARSE = 5
 SMOOTHED = 31  # coarse points, about 0.15 s: a hand speeds up and slows down at 1 to 4 Hz. Physical
-ROUNDS = 14  # of the inversion, three or four for most effects. Derived: cost
+ROUNDS = 14  # of the inversion: three or four for most effects, 7 to 14 for an acceleration lag. Derived: cost
 MOVES = 4  # rounds in which places are moved back: noise that a low-pass lets nothing of through grows. Derived
 SETTLED = 0.99  # of the path; ends and gaps do not converge. Derived: cost
-MIXED = 6  # earlier rounds that the next is mixed from. Derived: an acceleration lag converges within 7 to 14 rounds
-FARTHEST_S = 0.03  # a latency moves in a round. Physical: a fifth of the longest
 
 
 def hand_motion(
@@ -66,7 +64,7 @@ def hand_motion(
         if (k >= MOVES or not moved.any()) and np.quantile(np.abs(step), SETTLED) < EXACT_S:
             break  # converged as closely as edges are placed
         step = _implicit(step, sum(effect.per_acceleration_s3_mm() for effect in effects) * motion.speed_mm_s[coarse])
-        tried = [*tried[-MIXED:], (late, np.clip(step, -FARTHEST_S, FARTHEST_S))]
+        tried.append((late, step))
         late = _mixed(tried)
     return motion, start_s
 

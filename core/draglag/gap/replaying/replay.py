@@ -12,6 +12,7 @@ from draglag.errors import EstimateError
 from draglag.gap.constants import SEED
 from draglag.gap.fitting.joint import Fit, restrict
 from draglag.gap.fitting.model import residual_mm
+from draglag.gap.fitting.nuisances import late_by_nuisances_s
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.replaying.hand_path import hand_motion
 from draglag.gap.replaying.realised import effects_of_fit, rig_of
@@ -52,12 +53,23 @@ class Overlay:
 
 @dataclass(frozen=True)
 class RunReplay:
-    """One run's estimates, if any."""
+    """One run's estimates, if any. by_nuisances_s: lateness in the fit that no simulation has, and its error."""
 
     id: str
     protocol: str
     measured: RunEstimate | None
     simulated: RunEstimate | None
+    by_nuisances_s: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def difference_ms(self) -> tuple[float, float, float] | None:
+        """Measured speed, mm/s, simulated less measured latency, and its error, ms; None without estimates."""
+        a, b = self.measured, self.simulated
+        if a is None or b is None or a.latency_s is None or b.latency_s is None or a.speed_mm_s is None:
+            return None
+        late_s, se_s = self.by_nuisances_s
+        error_s = float(np.linalg.norm([a.latency_se_s or np.nan, b.latency_se_s or np.nan, se_s]))
+        return a.speed_mm_s, 1e3 * (b.latency_s + late_s - a.latency_s), 1e3 * error_s
 
 
 @dataclass(frozen=True)
@@ -65,7 +77,7 @@ class Replay:
     """A session simulated again.
 
     run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated. again: simulated
-    runs, repaired. between_runs_s: in the model, and by a loop's phase.
+    runs, repaired. between_runs_s: in the model, and by the phase of a host's ticks.
     """
 
     effects: tuple[Effect, ...]
@@ -134,10 +146,14 @@ class Replay:
     @property
     def runs_that_agree(self) -> tuple[int, int]:
         """Runs whose latencies agree at 95 %, and all compared."""
-        rows = self.latencies_ms()
-        wide = 1e3 * self.between_runs_s
-        inside = [abs(s - m) <= 1.96 * float(np.sqrt(me**2 + se**2 + wide**2)) for _, _, m, me, s, se in rows]
-        return sum(inside), len(rows)
+        _, difference_ms, error_ms = self.differences_ms()
+        return int(np.count_nonzero(np.abs(difference_ms) <= 1.96 * error_ms)), difference_ms.size
+
+    def differences_ms(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Speeds, mm/s, simulated less measured latencies, and their standard errors, ms, (runs with both,) each."""
+        rows = [row for item in self.runs if (row := item.difference_ms) is not None]
+        speed, difference_ms, error_ms = np.array(rows, float).reshape(-1, 3).T
+        return speed, difference_ms, np.hypot(error_ms, 1e3 * self.between_runs_s)
 
     def to_dict(self) -> dict[str, object]:
         """Numbers for JSON."""
@@ -189,7 +205,10 @@ def replay(
     again_runs = gather(inspect(again)[1] if repaired else again)
     measured = {data.run.id: data.estimate for data in (raw if raw is not None else fit.runs)}
     estimates = {data.run.id: data.estimate for data in again_runs}
-    runs = tuple(RunReplay(d.run.id, d.run.protocol, measured.get(d.run.id), estimates.get(d.run.id)) for d in fit.runs)
+    runs = tuple(
+        RunReplay(d.run.id, d.run.protocol, measured.get(d.run.id), estimates.get(d.run.id), (late_s, se_s))
+        for d, late_s, se_s in zip(fit.runs, *(values.tolist() for values in late_by_nuisances_s(fit)), strict=True)
+    )
     if any(effect.estimated_with for effect in effects):
         again_runs = gather(inspect(again)[1])
     measured_s = fit.placed.t_s[fit.use]
@@ -206,15 +225,17 @@ def replay(
         fit.placed.v_mm_s[fit.use, 1],
         reference or fit,
         again_runs,
-        float(np.hypot(fit.white.components.run_s, _by_phase_s(effects, fit))),
+        float(np.hypot(fit.white.components.run_s, _by_phase_s(effects))),
     )
 
 
-def _by_phase_s(effects: Sequence[Effect], fit: Fit) -> float:
-    """Standard deviation of the difference of two runs' mean delays that a loop's phase, anywhere in each, makes."""
-    frame_s = float(np.median([sample_interval_s(data.t_s) for data in fit.runs]))
-    longest_s = max((effect.longest_wait_s(frame_s) for effect in effects if effect.estimated_with), default=0.0)
-    return float(np.sqrt(2 / 12) * longest_s)
+def _by_phase_s(effects: Sequence[Effect]) -> float:
+    """Standard deviation of the difference of two runs' mean delays by the phase, anywhere in each, of a host's ticks.
+
+    Simulated frames have the ticks' rate: their true one is not known.
+    """
+    late_s = max((effect.stamped_late_s() for effect in effects if effect.undone_in == "stream"), default=0.0)
+    return float(np.sqrt(2 / 12) * 2 * late_s)
 
 
 def _simulated_session(session: Session, fit: Fit, effects: tuple[Effect, ...], report_progress: Progress) -> Session:
