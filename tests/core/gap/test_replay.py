@@ -128,6 +128,18 @@ def test_a_law_of_its_own_form_is_simulated_as_fitted() -> None:
     assert simulated.latency_s(speed) == pytest.approx(law(speed) + 4e-3, abs=5e-6)
 
 
+def test_a_warm_up_is_simulated_with_the_time_that_its_law_was_fitted_with(
+    session: Session, fits: tuple[Fit, Fit]
+) -> None:
+    """Its parameters lie a step away from there: with them and the fitted law runs came 1 ms late."""
+    fit = fit_session(session, fits[0].runs, [Term("warm_up", (250.0,))], start=fits[0])
+    (effect,) = effects_of_fit(fit, {"warm_up": {"amplitude_s": 0.02, "time_constant_s": 180.0}})
+    assert effect.numbers() == {
+        "amplitude_s": pytest.approx(fit.terms[0].sizes[0]),
+        "time_constant_s": fit.terms[0].theta[0],
+    }
+
+
 def test_sizes_beyond_an_effect_s_bounds_are_held_at_them() -> None:
     assert made("clock_drift", {"drift_ppm": 1e6}).value == EFFECTS["clock_drift"].parameters[0].upper
 

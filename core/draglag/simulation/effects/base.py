@@ -90,6 +90,8 @@ class Effect(InFits):
     """Whether a session simulated again has it already, as measured streams hold what was lost or random."""
     estimated_with: ClassVar[bool] = False
     """Whether latencies are estimated with it, though it can be repaired: programs see its delay."""
+    hides_hand: ClassVar[bool] = False
+    """Whether the hand behind it is recovered too badly for the latency of its simulated runs to be compared."""
     laser_late: ClassVar[bool] = False
     """Whether its first parameter, s, is a lateness common to all laser stamps."""
     removed_by_clock_comparisons: ClassVar[bool] = False

@@ -33,6 +33,7 @@ class SmoothingShrink(Effect):
         "The low-pass behind the latency also shrinks curved paths; its mean delay is part of the "
         "latency, its shrinking is this effect."
     )
+    hides_hand: ClassVar[bool] = True
     follows: ClassVar[str] = "normal_acceleration"
     where: ClassVar[str] = "where the path bends"
     separated_by: ClassVar[str] = "fast circles of a small radius: a low-pass shrinks them, a clock does not"
