@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -31,8 +30,6 @@ if TYPE_CHECKING:
 THRESHOLDS = {By.SPEED: "threshold_mm_s", By.ACCELERATION: "threshold_mm_s2"}
 RUNS_DIFFER_S = 7e-4
 """s. Runs of sound panels differ by about this (fact sheet on the gap): a smaller step may be one of those."""
-SETTINGS = 16  # thresholds whose columns are compared
-FEWEST, MOST = 0.1, 0.9  # of the edges in order: some have to lie on either side
 LOWEST, HIGHEST = 0.8, 1.25  # of a threshold: edges lie at speeds that far apart
 SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
 SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
@@ -62,7 +59,8 @@ class SecondFilterMode(Effect):
         # A stronger filter above some speed, or while the stylus speeds up or slows down.
         out = []
         for by, values in ((By.SPEED, view.speed), (By.ACCELERATION, np.abs(view.accel))):
-            out += [_mode(view, Setting(limit, by)) for limit in _between_groups(values)]
+            limits = np.quantile(values, np.linspace(0.12, 0.88, 16))
+            out += [_mode(view, Setting(float(limit), by)) for limit in limits]
         return out
 
     @classmethod
@@ -155,16 +153,6 @@ class SecondFilterMode(Effect):
     def curve_extra_s(cls, speed_mm_s: FloatArray, parameters: Mapping[str, float]) -> FloatArray | float:
         extra_s, above_mm_s = (parameters.get(spec.name) for spec in cls.parameters)
         return 0.0 if extra_s is None or above_mm_s is None else np.where(speed_mm_s > above_mm_s, extra_s, 0.0)
-
-
-def _between_groups(values: FloatArray) -> list[float]:
-    """Values that divide the edges, each where the fewest lie: a run's own speeds are on one side."""
-    ordered = np.sort(values)
-    ends = ((ordered.size - 1) * np.linspace(FEWEST, MOST, SETTINGS + 1)).astype(int)
-    widest = [
-        first + int(np.argmax(np.diff(ordered[first : last + 1]))) for first, last in pairwise(ends) if last > first
-    ]
-    return [float(0.5 * (ordered[k] + ordered[k + 1])) for k in widest]
 
 
 def _mode(view: View, setting: Setting) -> Signature:
