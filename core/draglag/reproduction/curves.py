@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from draglag.analysis import Analysis, AnalysisOptions, analyze
 from draglag.curve import CurveFit
 from draglag.errors import EstimateError
 from draglag.messages import message
+from draglag.numerics import student_t
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.reproduction.published import PLATEAU_MM_S, PRESETS, TABLE_2
@@ -94,7 +94,7 @@ def _coefficients(curve: CurveFit, paper: dict[str, float]) -> tuple[Coefficient
     values, errors = curve.parameters, curve.standard_errors
     names = {name: name for name in values}
     free = 5 - (curve.tied_asymptote_s is not None)
-    reach = float(stdtrit(max(curve.n_points - free, 1), 0.975))
+    reach = student_t(max(curve.n_points - free, 1), 0.975)
     sure = {name: values[name] > reach * errors[name] for name in ("a1_ms", "a4_ms")}
     # An amplitude that may be nothing is not the larger one, whatever its value.
     if (sure["a1_ms"], values["a1_ms"]) > (sure["a4_ms"], values["a4_ms"]):

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from draglag.gap.fitting.model import N_NUISANCES, base_prior
+from draglag.gap.fitting.model import nuisances
 from draglag.gap.fitting.noise import LOCAL, Components, Scatter
 from draglag.gap.fitting.state import State
 from draglag.gap.fitting.whitening import Whitener, inner_products
@@ -92,7 +92,7 @@ def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
     huber = 1 / np.sqrt(np.maximum(1.0, np.abs(left) / HUBER_K))
     whole = sought * huber[:, None]
     normal, moment = whole.T @ whole, whole.T @ (left * huber)
-    own = _nuisances(state)
+    own = nuisances(state.law)
     given = np.linalg.inv(normal[own, own] + np.diag(state.prior[own])) @ normal[own]
     curvature = normal - normal[:, own] @ given
     curvature[own], curvature[:, own], moment[own] = 0.0, 0.0, 0.0
@@ -109,7 +109,7 @@ def _drawn_to_none(state: State) -> tuple[IntArray, FloatArray]:
     """Places and values (k,) of the parameters whose prior is about zero."""
     remainder = state.law.remainder_s
     sizes = [size for term in state.terms for size in term.sizes]
-    end_of_law, begin = len(state.law.step_sd), _nuisances(state).stop
+    end_of_law, begin = len(state.law.step_sd), nuisances(state.law).stop
     at = [*range(end_of_law - len(remainder), end_of_law), *range(begin, begin + len(sizes))]
     return np.array(at, np.int64), np.array([*remainder, *sizes], float)
 
@@ -119,14 +119,9 @@ def _prior_cost(state: State) -> float:
     return 0.5 * float(state.prior[at] @ sizes**2)
 
 
-def _nuisances(state: State) -> slice:
-    end = base_prior(state.law).size
-    return slice(end - N_NUISANCES, end)
-
-
 def _without_nuisances(white: Whitener, state: State, use: np.ndarray) -> tuple[FloatArray, float]:
     """Whitened residual (m,), and prior cost of the nuisances."""
-    own = _nuisances(state)
+    own = nuisances(state.law)
     a, b = white.apply(state.design[use][:, own]), white.apply(state.residual[use])
     precision: FloatArray = state.prior[own]
     left: FloatArray = b

@@ -187,6 +187,12 @@ def base_columns(placed: Placed, law: LawParameters) -> FloatArray:
     return np.column_stack([columns, -x, -np.ones_like(x), lag, tracked, turned, bent])
 
 
+def nuisances(law: LawParameters) -> slice:
+    """Places of the nuisances, the last of the base parameters."""
+    end = base_prior(law).size
+    return slice(end - N_NUISANCES, end)
+
+
 def base_prior(law: LawParameters) -> FloatArray:
     """Prior precision of a step of each base parameter."""
     nuisances = 1 / np.square([FOLLOWS_LATER_SD, TRACKED_SD, TURNED_SD, BENT_SD_S2])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from draglag.gap.fitting.joint import Fit
-from draglag.gap.fitting.model import N_NUISANCES, base_prior
+from draglag.gap.fitting.model import nuisances
 from draglag.recording import FloatArray
 
 
@@ -14,8 +14,7 @@ def late_by_nuisances_s(fit: Fit) -> tuple[FloatArray, FloatArray]:
 
     The error includes what terms leave unsure, as the state of a filter about its switch, alike for a run's edges.
     """
-    end = base_prior(fit.law).size
-    own = slice(end - N_NUISANCES, end)
+    own = nuisances(fit.law)
     whitened = fit.white.apply(np.column_stack([fit.design, fit.residual_mm]))
     sizes = fit.covariance[own] @ (whitened[:, :-1].T @ whitened[:, -1])
     lever_mm_s = fit.view.v_across * fit.view.stretch

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from draglag.gap.constants import LEAST_PRECISION
-from draglag.gap.fitting.model import N_NUISANCES, Geometry, LawParameters, base_columns, base_prior, residual_mm
+from draglag.gap.fitting.model import Geometry, LawParameters, base_columns, base_prior, nuisances, residual_mm
 from draglag.gap.fitting.noise import timing_mm
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.traces.edges import EXACT_S, FEW, Placed, place
@@ -158,8 +158,8 @@ def stepped(
     state: State, step: FloatArray, runs: tuple[RunData, ...], width_mm: float, law: LawParameters | None = None
 ) -> State:
     """Point a step away. law: replaces the stepped one."""
-    n = base_prior(state.law).size
-    beam = n - N_NUISANCES - 2
+    own = nuisances(state.law)
+    beam, n = own.start - 2, own.stop
     law = law or state.law.moved(step[:beam])
     geometry = replace(
         state.geometry,

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from numpy.fft import irfft, rfft
 
 from draglag.gap.constants import HAND_STEP_S, PADDED_S
+from draglag.numerics import fast_length
 from draglag.path.events import sample_interval_s
 from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray
@@ -109,7 +110,7 @@ def spectrum_of(quick: tuple[FloatArray, FloatArray], mean_mm_s: float) -> Spect
     grid_s, speed_mm_s = quick
     n, step_s = grid_s.size, float(grid_s[1] - grid_s[0])
     edge = min(round(PADDED_S / step_s), n - 1)
-    size = next_fast_len(n + 2 * edge, real=True)
+    size = fast_length(n + 2 * edge)
     padded = np.pad(speed_mm_s - mean_mm_s, (edge, size - n - edge), mode="reflect")
     omega = np.asarray(2 * np.pi * np.fft.rfftfreq(size, step_s), float)
     return Spectrum(grid_s, mean_mm_s, slice(edge, edge + n), size, omega, rfft(padded))
