@@ -36,7 +36,7 @@ class WarmUp(Effect):
     undone_in: ClassVar[str] = "touch"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude_s", "s", -0.1, 0.1, 0.012),
-        Parameter("time_constant_s", "s", 10.0, 5000.0, 500.0),
+        Parameter("time_constant_s", "s", 10.0, 5000.0, 500.0, read_as=("s", 1.0)),
     )
 
     time_constant_s: float = 500.0
