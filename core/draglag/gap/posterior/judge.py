@@ -173,10 +173,14 @@ def grown(
 def grown_with_alike(
     session: Session, fits: dict[Names, Fit], pool: Pool, wanted: Names, barred: set[str], tried: set[tuple[Names, str]]
 ) -> dict[Names, Fit]:
-    """``grown``, and other probable sets of as many effects: at the linearisation of the first they would all lose."""
+    """``grown``, and other probable sets of as many effects: at the linearisation of the first they would all lose.
+
+    Not those with the effect whose refit the first has just lost: they would begin with the same refit.
+    """
     out = grown(session, fits, pool, wanted, tried)
+    lost = barred if wanted in out else {*barred, _unfitted(pool, wanted, fits | out)}
     for names in _probable(pool):
-        if len(names) == len(wanted) and names not in fits | out and not set(names) & barred:
+        if len(names) == len(wanted) and names not in fits | out and not set(names) & lost:
             out |= grown(session, fits | out, pool, names, tried)
     return out
 
