@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 from core import sound_sessions
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
-from draglag.gap import close_gap
+from draglag.gap import GapReport, close_gap
 from draglag.gap.constants import GIVEN_UP, PROMISING
 from draglag.gap.fitting import joint
 from draglag.gap.fitting.heldout import gap_mm
@@ -25,7 +26,7 @@ from draglag.gap.fitting.state import Term, linearise
 from draglag.gap.fitting.whitening import whitener
 from draglag.gap.proposing.plain import refit
 from draglag.gap.proposing.proposals import refits_with, shown_by_traces
-from draglag.gap.traces.run_data import gather
+from draglag.gap.traces.run_data import RunData, gather
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session, TouchTrace
 from draglag.simulation import simulate_session
@@ -146,10 +147,33 @@ def test_the_corner_of_a_plateau_is_rounded_by_less_than_a_speed_is_unsure() -> 
     assert gradient == pytest.approx(moved / 0.01, rel=0.02, abs=1e-9)
 
 
-def test_a_lagging_law_is_sized_by_the_speed_of_that_time() -> None:
-    """The interval covers it: of which moment a speed is, its windows give to 10 ms and a fifth of the delay only."""
+@pytest.fixture(scope="module")
+def lagging_law() -> tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]]:
+    """Report of a law that lags by 100 ms, and what was refitted for it: smaller fits, terms."""
     session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("lagging_law=0.1")], seed=5)
-    report = close_gap(session)
+    refitted: list[tuple[Fit, tuple[Term, ...]]] = []
+
+    def fitted(
+        session: Session,
+        runs: tuple[RunData, ...],
+        terms: Sequence[Term],
+        plateau: bool,
+        start: Fit,
+        law: LawParameters,
+    ) -> Fit:
+        refitted.append((start, tuple(terms)))
+        return fit_session(session, runs, terms, plateau, start, law)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("draglag.gap.proposing.plain.fit_session", fitted)
+        return close_gap(session), refitted
+
+
+def test_a_lagging_law_is_sized_by_the_speed_of_that_time(
+    lagging_law: tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]],
+) -> None:
+    """The interval covers it: of which moment a speed is, its windows give to 10 ms and a fifth of the delay only."""
+    report, _ = lagging_law
     (step,) = report.steps
     assert step.effect == "lagging_law"
     delay_s, (low_s, high_s) = step.parameters["delay_s"]
@@ -158,6 +182,14 @@ def test_a_lagging_law_is_sized_by_the_speed_of_that_time() -> None:
     assert report.gap_first_mm is not None
     assert report.gap_last_mm is not None
     assert report.gap_last_mm < 0.9 * report.gap_first_mm
+
+
+def test_no_refit_is_made_twice(lagging_law: tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]]) -> None:
+    """Each takes seconds on a long session: next to the lagging law several sets promise more and begin alike."""
+    _, refitted = lagging_law
+    assert len(refitted) > 3
+    again = [terms for k, (start, terms) in enumerate(refitted) if (start, terms) in refitted[:k]]
+    assert again == []
 
 
 @pytest.mark.parametrize("seed", [7, 8])
