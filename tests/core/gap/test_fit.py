@@ -147,9 +147,12 @@ def test_the_corner_of_a_plateau_is_rounded_by_less_than_a_speed_is_unsure() -> 
     assert gradient == pytest.approx(moved / 0.01, rel=0.02, abs=1e-9)
 
 
+Refitted = tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]]  # of each refit: the smaller fit, all terms
+
+
 @pytest.fixture(scope="module")
-def lagging_law() -> tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]]:
-    """Report of a law that lags by 100 ms, and what was refitted for it: smaller fits, terms."""
+def lagging_law() -> Refitted:
+    """Report of a law that lags by 100 ms, and what was refitted for it."""
     session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("lagging_law=0.1")], seed=5)
     refitted: list[tuple[Fit, tuple[Term, ...]]] = []
 
@@ -169,9 +172,7 @@ def lagging_law() -> tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]]:
         return close_gap(session), refitted
 
 
-def test_a_lagging_law_is_sized_by_the_speed_of_that_time(
-    lagging_law: tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]],
-) -> None:
+def test_a_lagging_law_is_sized_by_the_speed_of_that_time(lagging_law: Refitted) -> None:
     """The interval covers it: of which moment a speed is, its windows give to 10 ms and a fifth of the delay only."""
     report, _ = lagging_law
     (step,) = report.steps
@@ -184,7 +185,7 @@ def test_a_lagging_law_is_sized_by_the_speed_of_that_time(
     assert report.gap_last_mm < 0.9 * report.gap_first_mm
 
 
-def test_no_refit_is_made_twice(lagging_law: tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]]) -> None:
+def test_no_refit_is_made_twice(lagging_law: Refitted) -> None:
     """Each takes seconds on a long session: next to the lagging law several sets promise more and begin alike."""
     _, refitted = lagging_law
     assert len(refitted) > 3

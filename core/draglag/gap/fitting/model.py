@@ -195,5 +195,5 @@ def nuisances(law: LawParameters) -> slice:
 
 def base_prior(law: LawParameters) -> FloatArray:
     """Prior precision of a step of each base parameter."""
-    nuisances = 1 / np.square([FOLLOWS_LATER_SD, TRACKED_SD, TURNED_SD, BENT_SD_S2])
-    return np.concatenate([1 / np.square(law.step_sd), [0.0, 0.0], nuisances])
+    sd = [FOLLOWS_LATER_SD, TRACKED_SD, TURNED_SD, BENT_SD_S2]
+    return np.concatenate([1 / np.square(law.step_sd), [0.0, 0.0], 1 / np.square(sd)])

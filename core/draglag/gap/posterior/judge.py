@@ -89,7 +89,6 @@ def _explored(
         left = allowed - barred
         if wanted not in fits:
             found = grown_with_alike(session, fits, pool, wanted, barred, tried)
-            barred |= set() if wanted in found else {_unfitted(pool, wanted, fits | found)}
         elif most_effects > 0 and wanted not in asked:
             asked.add(wanted)
             found = _proposed(session, pool, fits, _rivals(pool, left), (inside,), tried)
@@ -175,12 +174,13 @@ def grown_with_alike(
 ) -> dict[Names, Fit]:
     """``grown``, and other probable sets of as many effects: at the linearisation of the first they would all lose.
 
-    Not those with the effect whose refit the first has just lost: they would begin with the same refit.
+    barred: effects whose refits have lost, added to: other sets with them would begin with the same refit.
     """
     out = grown(session, fits, pool, wanted, tried)
-    lost = barred if wanted in out else {*barred, _unfitted(pool, wanted, fits | out)}
+    if wanted not in out:
+        barred.add(_unfitted(pool, wanted, fits | out))
     for names in _probable(pool):
-        if len(names) == len(wanted) and names not in fits | out and not set(names) & lost:
+        if len(names) == len(wanted) and names not in fits | out and not set(names) & barred:
             out |= grown(session, fits | out, pool, names, tried)
     return out
 

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 THRESHOLDS = {By.SPEED: "threshold_mm_s", By.ACCELERATION: "threshold_mm_s2"}
 RUNS_DIFFER_S = 7e-4
 """s. Runs of sound panels differ by about this (fact sheet on the gap): a smaller step may be one of those."""
+SETTINGS = 16  # thresholds whose columns are compared. Derived: a twentieth of the edges lies between two, alike in all
+FEWEST = 0.12  # of the edges, which have to lie on either side of a threshold. Judgement
 LOWEST, HIGHEST = 0.8, 1.25  # of a threshold: edges lie at speeds that far apart
 SMOOTHED = 1.4  # a change of speed reads less or more as a panel smooths it
 SWITCH_UNKNOWN = 0.01  # of a lateness: when exactly, between two events, it comes and goes
@@ -59,7 +61,7 @@ class SecondFilterMode(Effect):
         # A stronger filter above some speed, or while the stylus speeds up or slows down.
         out = []
         for by, values in ((By.SPEED, view.speed), (By.ACCELERATION, np.abs(view.accel))):
-            limits = np.quantile(values, np.linspace(0.12, 0.88, 16))
+            limits = np.quantile(values, np.linspace(FEWEST, 1 - FEWEST, SETTINGS))
             out += [_mode(view, Setting(float(limit), by)) for limit in limits]
         return out
 
