@@ -41,7 +41,7 @@ class Kinematics:
 
     @property
     def step_s(self) -> float:
-        return 1 / GRID_HZ
+        return float(self.motion.t_s[1] - self.motion.t_s[0])
 
     @cached_property
     def speed_mm_s(self) -> FloatArray:

@@ -21,8 +21,8 @@ from draglag.simulation.rig import Rig
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-# Grid points of the simulation between two points at which the trace is smoothed. Derived: 5 ms, a
-# sixteenth of a period of tremor.
+# Grid points of the simulation between two points of the path that is sought. Derived: 5 ms, a sixteenth of a period of
+# tremor.
 COARSE = 5
 SMOOTHED = 31  # coarse points, about 0.15 s: a hand speeds up and slows down at 1 to 4 Hz. Physical
 ROUNDS = 14  # of the inversion: three or four for most effects, 7 to 14 for an acceleration lag. Derived: cost
@@ -36,37 +36,36 @@ def hand_motion(
     """Motion on the simulation's grid, and its start in host time. latency_s: (edges,) initial."""
     slowest_s = float(np.max(latency_s)) + 0.05
     start_s = float(data.t_s[0]) - slowest_s
-    n = int((data.t_s[-1] - start_s - max(float(np.min(latency_s)), 0.0)) * GRID_HZ)
-    t = np.arange(n) / GRID_HZ
-    coarse = np.unique(np.append(np.arange(0, n, COARSE), n - 1))
-    late = np.interp(t[coarse] + start_s, data.edge_t_s, latency_s)
+    n = int((data.t_s[-1] - start_s - max(float(np.min(latency_s)), 0.0)) * GRID_HZ / COARSE)
+    t = np.arange(n) * COARSE / GRID_HZ
+    late = np.interp(t + start_s, data.edge_t_s, latency_s)
     trace_mm, velocity_mm_s = _smoothed_trace(data, float(np.median(latency_s)))
-    moved = np.zeros((coarse.size, 2))
+    moved = np.zeros((n, 2))
     quiet = rig.ideal()
     tried: list[tuple[FloatArray, FloatArray]] = []
     for k in range(ROUNDS + 1):
-        at_s = np.clip(t[coarse] + start_s + late, data.t_s[0], data.t_s[-1])
+        at_s = np.clip(t + start_s + late, data.t_s[0], data.t_s[-1])
         here = trace_mm(at_s) - moved
         # In the stylus' own time the trace runs at another rate: d(t + L)/dt.
-        rate = np.clip(1 + np.gradient(late, t[coarse]), 0.3, 3.0)
+        rate = np.clip(1 + np.gradient(late, t), 0.3, 3.0)
         velocity = velocity_mm_s(at_s) * _smooth(rate)[:, None]
-        motion = _motion(t, t[coarse], here, velocity)
+        motion = Motion(t, here[:, 0], here[:, 1], velocity[:, 0], velocity[:, 1], np.ones(n, bool))
         if k == ROUNDS:
             break
         kinematics = Kinematics(motion, t + start_s - origin_s, rig.screen.width_mm, rig.screen.height_mm)
         report = reporting(quiet, kinematics, effects, lambda name: np.random.default_rng(0))
-        step = report.latency_s[coarse] + held_s(effects) - late
+        step = report.latency_s + held_s(effects) - late
         if k < MOVES:
-            moved = np.column_stack([report.x_mm - motion.x_mm, report.y_mm - motion.y_mm])[coarse]
-            if moved.any() and coarse.size > SMOOTHED:
+            moved = np.column_stack([report.x_mm - motion.x_mm, report.y_mm - motion.y_mm])
+            if moved.any() and n > SMOOTHED:
                 # A low-pass cannot be undone at frequencies it lets nothing of through: noise would grow every round.
                 moved = smoothed(moved, SMOOTHED, 3)
         if (k >= MOVES or not moved.any()) and np.quantile(np.abs(step), SETTLED) < EXACT_S:
             break  # converged as closely as edges are placed
-        step = _implicit(step, sum(effect.per_acceleration_s3_mm() for effect in effects) * motion.speed_mm_s[coarse])
+        step = _implicit(step, sum(effect.per_acceleration_s3_mm() for effect in effects) * motion.speed_mm_s)
         tried.append((late, step))
         late = _mixed(tried)
-    return motion, start_s
+    return _on_the_grid(motion), start_s
 
 
 def _implicit(step_s: FloatArray, lag_s2: FloatArray) -> FloatArray:
@@ -116,9 +115,11 @@ def _smooth(rate: FloatArray) -> FloatArray:
     return np.convolve(padded, np.full(width, 1 / width), mode="valid")
 
 
-def _motion(t: FloatArray, at: FloatArray, xy_mm: FloatArray, velocity: FloatArray) -> Motion:
+def _on_the_grid(motion: Motion) -> Motion:
+    """A motion of coarse points on the simulation's grid."""
     from scipy.interpolate import CubicSpline
 
-    path = CubicSpline(at, xy_mm)(t)
-    vx, vy = (np.interp(t, at, column) for column in velocity.T)
+    t = np.arange((motion.t_s.size - 1) * COARSE + 1) / GRID_HZ
+    path = CubicSpline(motion.t_s, np.column_stack([motion.x_mm, motion.y_mm]))(t)
+    vx, vy = (np.interp(t, motion.t_s, column) for column in (motion.vx_mm_s, motion.vy_mm_s))
     return Motion(t, path[:, 0], path[:, 1], vx, vy, np.ones(t.size, bool))
