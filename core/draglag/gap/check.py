@@ -19,7 +19,7 @@ from draglag.gap.constants import (
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.results import GapReport, Statistic, next_to_unnamed
 from draglag.gap.streams.stamps import resolution_mm
-from draglag.gap.traces.run_data import gather
+from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate
 from draglag.recording import FloatArray, Session, TouchTrace
 from draglag.simulation.effects import effect_class
@@ -27,18 +27,18 @@ from draglag.simulation.effects import effect_class
 LATENCY, REPEATS = "latency by run", "repeated positions"
 
 
-def checked(session: Session, report: GapReport) -> GapReport:
+def checked(session: Session, report: GapReport, estimates: Estimates) -> GapReport:
     """Report with its predictive check. The verdict stays where the simulation fails, or where an effect hides the hand
     and simulated runs miss the latency that the law was fitted to.
 
-    session: as measured, without excluded runs.
+    session, estimates: as measured, without excluded runs.
     """
     if report.last is None:
         return report
     named = {step.effect: {name: value for name, (value, _) in step.parameters.items()} for step in report.steps}
     uneven = any(effect_class(step.effect).uneven_ages for step in report.steps)
     try:
-        again = replay(session, report.last, named, raw=gather(session) if uneven else None)
+        again = replay(session, report.last, named, measured=estimates if uneven else None)
     except (DraglagError, ValueError, np.linalg.LinAlgError):
         return report
     found = compared_statistics(session, again)

@@ -75,7 +75,7 @@ def _closed(
     report = reported((session, ready), judgement, (named, strange), allowed, max_effects)
     if report.steps:
         progress(0.97, "simulating the session again")
-        report = checked(session, report)
+        report = checked(session, report, estimates)
     progress(1.0, "done")
     last = report.last or judgement.base
     return replace(report, not_seen=not_shown(session, last))

@@ -97,12 +97,17 @@ def recorded_again(runs: Sequence[Run], estimates: Iterable[RunEstimate], exclud
     return found
 
 
+def estimated(session: Session, window_s: tuple[float, float] = WINDOW_S) -> Estimates:
+    """Estimates of the runs at constant speed."""
+    steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
+    return tuple((run, estimate_run(run, session.stylus.diameter_mm, window_s=window_s)) for run in steady)
+
+
 def kept_runs(
     session: Session, include: Collection[str] = (), window_s: tuple[float, float] = WINDOW_S
 ) -> tuple[Session, dict[str, str], Estimates]:
     """The session without the runs to leave out; run id → reason; the runs' estimates."""
-    steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
-    estimates = tuple((run, estimate_run(run, session.stylus.diameter_mm, window_s=window_s)) for run in steady)
+    estimates = estimated(session, window_s)
     excluded = why_excluded(session.runs, (with_conduct(one, run) for run, one in estimates), include)
     if excluded:
         session = replace(session, runs=tuple(run for run in session.runs if run.id not in excluded))

@@ -19,7 +19,8 @@ from draglag.gap.replaying.realised import effects_of_fit, rig_of
 from draglag.gap.results import GapReport
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.traces.edges import Placed, place
-from draglag.gap.traces.run_data import RunData, before_events, gather
+from draglag.gap.traces.run_data import SEARCHED_S, RunData, before_events, gather
+from draglag.latency.conduct import Estimates, estimated
 from draglag.latency.estimate import RunEstimate
 from draglag.messages import joined, message
 from draglag.path.events import contact_losses, sample_interval_s
@@ -76,8 +77,8 @@ class RunReplay:
 class Replay:
     """A session simulated again.
 
-    run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated. again: simulated
-    runs, repaired. between_runs_s: in the model, and by the phase of a host's ticks.
+    run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated. repaired:
+    ``session`` with its streams repaired. between_runs_s: in the model, and by the phase of a host's ticks.
     """
 
     effects: tuple[Effect, ...]
@@ -89,7 +90,7 @@ class Replay:
     falling: np.ndarray
     across_mm_s: FloatArray
     reference: Fit
-    again: tuple[RunData, ...]
+    repaired: Session
     between_runs_s: float = 0.0
 
     @property
@@ -101,7 +102,7 @@ class Replay:
     @cached_property
     def simulated(self) -> Overlay | None:
         """Simulation under the reference model."""
-        return _overlay(self.again, self.reference)
+        return _overlay(gather(self.repaired), self.reference)
 
     @property
     def difference_ms(self) -> FloatArray:
@@ -181,12 +182,12 @@ def replay(
     named: Mapping[str, Mapping[str, float]] | None = None,
     reference: Fit | None = None,
     progress: Progress | None = None,
-    raw: tuple[RunData, ...] | None = None,
+    measured: Estimates | None = None,
 ) -> Replay:
     """Session simulated again with its measured hand.
 
     named: effect id → parameters, the only source of stream and clock effects; None: the fit's. reference: model of the
-    overlays; None: ``fit``. raw: runs with unrepaired streams.
+    overlays; None: ``fit``. measured: estimates of unrepaired runs; None: the fit's.
 
     Raises EstimateError if no run can be simulated.
     """
@@ -201,16 +202,15 @@ def replay(
     report_progress(0.85, "estimating the simulated runs")
     # Batches, coarse clocks and the like are repaired before anything is estimated, in the simulation as in the
     # measurement; a loop's delay is estimated in unrepaired streams.
-    repaired = any(effect.undone_in == "stream" and not effect.estimated_with for effect in effects)
-    again_runs = gather(inspect(again)[1] if repaired else again)
-    measured = {data.run.id: data.estimate for data in (raw if raw is not None else fit.runs)}
-    estimates = {data.run.id: data.estimate for data in again_runs}
+    in_stream = [effect for effect in effects if effect.undone_in == "stream"]
+    repaired = inspect(again)[1] if in_stream else again
+    unrepaired = all(effect.estimated_with for effect in in_stream)
+    before = {data.run.id: data.estimate for data in fit.runs} if measured is None else _by_run(measured)
+    after = _by_run(estimated(again if unrepaired else repaired, SEARCHED_S))
     runs = tuple(
-        RunReplay(d.run.id, d.run.protocol, measured.get(d.run.id), estimates.get(d.run.id), (late_s, se_s))
+        RunReplay(d.run.id, d.run.protocol, before.get(d.run.id), after.get(d.run.id), (late_s, se_s))
         for d, late_s, se_s in zip(fit.runs, *(values.tolist() for values in late_by_nuisances_s(fit)), strict=True)
     )
-    if any(effect.estimated_with for effect in effects):
-        again_runs = gather(inspect(again)[1])
     measured_s = fit.placed.t_s[fit.use]
     falling = fit.placed.falling[fit.use]
     report_progress(1.0, "done")
@@ -224,9 +224,13 @@ def replay(
         falling,
         fit.placed.v_mm_s[fit.use, 1],
         reference or fit,
-        again_runs,
+        repaired,
         float(np.hypot(fit.white.components.run_s, _by_phase_s(effects))),
     )
+
+
+def _by_run(estimates: Estimates) -> dict[str, RunEstimate | None]:
+    return {run.id: estimate for run, estimate in estimates}
 
 
 def _by_phase_s(effects: Sequence[Effect]) -> float:
@@ -266,7 +270,8 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
         )
     report_progress = progress or (lambda fraction, text: None)
     session = report.judged(session)
-    raw = gather(session) if any(effect_class(step.effect).estimated_with for step in report.steps) else None
+    loop = any(effect_class(step.effect).estimated_with for step in report.steps)
+    measured = estimated(session, SEARCHED_S) if loop else None
     fits = [report.first]
     for step in report.steps:
         fits.append(step.fit or fits[-1])
@@ -278,7 +283,7 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
         def part(fraction: float, text: str, k: int = k) -> None:
             report_progress((k + fraction) / len(fits), text)
 
-        out.append(replay(session, fit, named, report.first, part, raw))
+        out.append(replay(session, fit, named, report.first, part, measured))
     return tuple(out)
 
 
