@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from draglag.exchange import read_exchange
+from draglag.gap.fitting.joint import fit_session
+from draglag.gap.traces.edges import place
 from draglag.gap.traces.local_fits import POSITION_STEP_S, Kept, traces_of
 from draglag.gap.traces.run_data import gather
 from draglag.path.local_fit import local_fit
@@ -57,3 +60,29 @@ def test_traces_go_to_another_process_after_fits_were_made_on_them() -> None:
     here = traces.positions.at(at_s, traces.half_s, traces.edges)
     sent = pickle.loads(pickle.dumps(traces))
     np.testing.assert_array_equal(sent.positions.at(at_s, sent.half_s, sent.edges), here)
+
+
+def test_an_edge_is_placed_alike_wherever_its_search_began() -> None:
+    """The cost of a fit would depend on its past: a quarter of a mm/s of each speed is some nats of a quiet session."""
+    session = read_exchange(SAMPLES / "none-A")
+    runs = gather(session)
+    law = fit_session(session, runs).law
+    settled = place(runs, law, start=place(runs, law))
+    for off_s in (-8e-4, 8e-4):
+        apart = place(runs, replace(law, a7_s=law.a7_s + off_s), start=settled)
+        again = place(runs, law, start=apart)
+        ok = settled.ok & again.ok
+        assert np.sqrt(np.mean((again.v_mm_s - settled.v_mm_s)[ok] ** 2)) < 0.02
+        assert np.sqrt(np.mean((again.xy_mm - settled.xy_mm)[ok] ** 2)) < 2e-3
+
+
+def test_changes_of_speed_follow_a_later_law_in_proportion() -> None:
+    """Steps from one grid time to the next would be steps of the cost."""
+    session = read_exchange(SAMPLES / "none-A")
+    runs = gather(session)
+    law = fit_session(session, runs).law
+    settled = place(runs, law, start=place(runs, law))
+    later = [place(runs, replace(law, a7_s=law.a7_s + by_s), start=settled) for by_s in (1e-4, 5e-4)]
+    ok = np.logical_and.reduce([settled.ok & settled.steady, *(one.ok for one in later)])
+    by_one, by_five = ((one.accel_apart_mm_s2 - settled.accel_apart_mm_s2)[ok] for one in later)
+    assert np.sqrt(np.mean((by_five - 5 * by_one) ** 2)) < 0.2 * np.sqrt(np.mean(by_five**2))

@@ -104,8 +104,9 @@ def place(
     edge_s = traces.edge_t_s
     added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
     law_speeds = _law_speeds(traces, law, delay)
-    latency, speed, step, made, half_s = _found(traces, law, added_s, start, law_speeds)
+    latency, speed, step, half_s = _found(traces, law, added_s, start, law_speeds)
     at_s = edge_s + latency
+    made = traces.speeds.at(at_s, half_s, traces.edges)  # wherever the search came from
     there = traces.positions.at(at_s, traces.half_s, traces.edges)
     xy_mm, _ = _moved(there, at_s)
     _, v_mm_s = _moved(made, at_s)
@@ -115,10 +116,10 @@ def place(
     ratio = np.maximum(speed, 1e-6) / shown
     along = np.einsum("mk,mk->m", v_mm_s, a_mm_s2) / shown * ratio**2
     # For the columns: with the fit's own, position noise would look like an effect.
-    _, change, turn, sudden = traces.changes.at(at_s, np.zeros(at_s.size), traces.edges).T
+    change, turn, sudden = traces.changes_at(at_s)
     apart = ratio**2 * change
     ok = _known_at(traces, at_s, there, made)
-    ok &= (sudden == 0) & (np.abs(v_mm_s[:, 1]) > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
+    ok &= ~sudden & (np.abs(v_mm_s[:, 1]) > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
     run, t_s = traces.run, edge_s - traces.shift_s[traces.run]
     first_s, last_s = np.array([data.t_s[[0, -1]] for data in runs]).reshape(-1, 2).T
     # What speed the law is asked at before a trace begins, or after its end, is not known.
@@ -162,8 +163,8 @@ def _known_at(traces: Traces, at_s: FloatArray, there: FloatArray, made: FloatAr
 
 def _found(
     traces: Traces, law: Law, added_s: FloatArray, start: Placed | None, law_speeds: _LawSpeeds
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Latency, speed and last step (m,), fits of the speed (m, 8) and their half windows (m,)."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Latency, speed and last step (m,), half windows of the speeds (m,)."""
     edge_s = traces.edge_t_s
     if start is not None:
         half_s = start.speed_half_s
@@ -181,7 +182,7 @@ def _found(
         open_ = open_[np.abs(edge_s[open_] + latency[open_] - made[open_, 0]) >= STRAIGHT_S]
         if open_.size <= (0 if start is None else FEW * edge_s.size):
             break  # a few that come to no end are not worth a round of their own: another placing goes on with them
-    return latency, speed, step, made, half_s
+    return latency, speed, step, half_s
 
 
 def _tracked(traces: Traces, followed: tuple[FloatArray, FloatArray], at_s: FloatArray) -> FloatArray:

@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from draglag.gap.constants import HAND_STEP_S
 from draglag.gap.traces.run_data import RunData
 from draglag.gap.traces.touch_noise import spread_of
 from draglag.path.events import sample_interval_s
@@ -20,6 +19,7 @@ from draglag.recording import FloatArray, IntArray
 BETWEEN_S = 10.0  # between the traces of two runs: longer than any window. Derived
 # Within half of it, a fit's own motion predicts a new fit. Derived.
 POSITION_STEP_S, SPEED_STEP_S = 0.0004, 0.001
+CHANGE_STEP_S = 0.008  # between two of which changes of speed, taken in much longer windows, are straight. Derived
 # Half the span of a change of speed and half the window of each speed: beyond the reach of a position's own window; a
 # hand speeds up and slows down at 1–3 Hz, its tremor is at 8–12 Hz.
 # Physical.
@@ -128,14 +128,26 @@ class Traces:
         """Rows like ``positions`` without gain, in a speed's window."""
         return Kept(lambda at_s, half_s, _: self._fitted(at_s, half_s, False), self.edge_t_s, SPEED_STEP_S)
 
+    def changes_at(self, at_s: FloatArray) -> tuple[FloatArray, FloatArray, np.ndarray]:
+        """Change of speed (mm/s²), turn (rad/s) and whether near a sudden start or stop, of each edge."""
+        none, share = np.zeros(at_s.size), np.nan_to_num((at_s - self.edge_t_s) / CHANGE_STEP_S)
+        before = np.floor(share)
+        share = (share - before)[:, None]
+        # Linear between grid times: steps from one to the next would make the cost of a fit jump.
+        one, other = (
+            self._kept_changes.at(self.edge_t_s + k * CHANGE_STEP_S, none, self.edges) for k in (before, before + 1)
+        )
+        _, change, turn, sudden = ((1 - share) * one + share * other).T
+        return change, turn, sudden > 0
+
     @cached_property
-    def changes(self) -> Kept:
-        """Rows of at_s, change of speed (mm/s²), turn (rad/s), near a sudden start or stop."""
+    def _kept_changes(self) -> Kept:
+        """Rows of at_s, change of speed, turn, near a sudden start or stop."""
 
         def make(at_s: FloatArray, _: FloatArray, edges: IntArray) -> FloatArray:
             return np.column_stack([at_s, *self._changes(at_s, edges), self._catching_up(at_s, edges)])
 
-        return Kept(make, self.edge_t_s, HAND_STEP_S)
+        return Kept(make, self.edge_t_s, CHANGE_STEP_S)
 
     def _fitted(self, at_s: FloatArray, half_s: FloatArray, gain: bool) -> FloatArray:
         out = np.empty((at_s.size, 8 + gain))
