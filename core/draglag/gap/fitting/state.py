@@ -79,9 +79,11 @@ def linearise(
     terms: Sequence[Term],
     width_mm: float,
     before: State | None,
+    delay: SpeedDelay | None = None,
 ) -> State:
+    """Session at a point. before: another, where placing begins; delay: of the law's speed; None: by the terms."""
     extra = None if before is None else total(before.signatures, terms, before.view, "latency")
-    when = _speed_delay(terms)
+    when = delay or _speed_delay(terms)
     placed = _placed_by_law(runs, law, when) if before is None else place(runs, law, extra, before.placed, when)
     view = view_with_terms(placed, law, geometry, terms, width_mm)
     signatures = tuple(term_signature(t, view) for t in terms)

@@ -13,7 +13,7 @@ from draglag.gap.fitting.noise import scatter
 from draglag.gap.fitting.state import Term, linearise
 from draglag.gap.fitting.whitening import Whitener, whitener
 from draglag.gap.proposing.plain import refit
-from draglag.gap.traces.law_speed import SpeedDelay
+from draglag.gap.traces.law_speed import NO_DELAY, SpeedDelay
 from draglag.recording import FloatArray, Session
 from draglag.simulation.effects.lagging_law import LATEST_OF_SOUND_S, LaggingLaw, Setting
 from draglag.simulation.law import USUAL_LATENCY_S
@@ -86,20 +86,18 @@ def _delay_s(term: Term) -> float:
 def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
     """Twice the profile log-likelihood of steady runs' edges at each option, (k,); −inf with too few edges."""
     components = fit.white.components
-    own = LaggingLaw.id
-    rest = [t for t in fit.terms if t.effect != own]
+    rest = [t for t in fit.terms if t.effect != LaggingLaw.id]
     out = np.full(len(options), -np.inf)
     steady = fit.use & fit.placed.steady  # sudden changes of speed are too rough a test to choose by
-    now = linearise(fit.runs, fit.law, fit.geometry, [*rest, Term(own, (0.0, 0.0), (0.0,))], fit.width_mm, None)
+    now = linearise(fit.runs, fit.law, fit.geometry, rest, fit.width_mm, None, NO_DELAY)
     whitened: tuple[np.ndarray, Whitener] | None = None
-    for k, delayed in enumerate(options):
-        state = linearise(fit.runs, fit.law, fit.geometry, [*rest, Term(own, delayed, (0.0,))], fit.width_mm, now)
+    for k, delay in enumerate(options):
+        state = linearise(fit.runs, fit.law, fit.geometry, rest, fit.width_mm, now, delay)
         use = steady & state.placed.ok & np.isfinite(state.residual)
         if np.count_nonzero(use) < KEPT * np.count_nonzero(steady):
             continue
         if whitened is None or not np.array_equal(use, whitened[0]):
             whitened = use, whitener(scatter(fit.runs, state.placed, use, state.blur_mm), components)
-        white = whitened[1]
-        value = profile(white, state.residual[use], state.design[use][:, :-1], state.prior[:-1])[0]
+        value = profile(whitened[1], state.residual[use], state.design[use], state.prior)[0]
         out[k] = 2 * value * np.count_nonzero(steady) / np.count_nonzero(use)
     return out
