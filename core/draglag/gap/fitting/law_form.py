@@ -8,16 +8,15 @@ from typing import Self
 
 import numpy as np
 
+from draglag.curve import CurvePoints
 from draglag.gap.constants import LAW_KNOTS, LAW_LENGTH
-from draglag.gap.fitting.model import LEAST_AMPLITUDE_S, LEAST_RATE_S_MM, MOST_RATE_S_MM, LawParameters
+from draglag.gap.fitting.model import LawParameters, eq5_through
 from draglag.recording import FloatArray
 
 LAW_FORM = "law_form"
 BEYOND = 0.3  # of ln v beyond the outermost knots: there the form stays what it is. Judgement
 FORM_SD_S = 0.01  # of a step of the remainder: screens' laws lie within some 10 ms of the nearest Eq. 5. Physical
 TRIVIAL = 1e-3  # of a knot's variance: directions of less are rounding. Derived
-# to begin from: screens published so far. Physical
-RATES_S_MM = ((4e-3, 2.2e-2), (1.5e-3, 8e-3), (2e-3, 3e-2), (6e-3, 6e-2))
 SPEEDS = 60  # at which a curve is compared with Eq. 5. Derived: cost
 
 
@@ -93,27 +92,7 @@ def nearest_eq5(law: LawParameters, speed_mm_s: FloatArray) -> LawParameters:
     if not isinstance(law, FlexibleLaw):
         return law
     v = _speeds(speed_mm_s)
-    return _eq5_through(v, law(v))
-
-
-def _eq5_through(speed_mm_s: FloatArray, latency_s: FloatArray) -> LawParameters:
-    from scipy.optimize import least_squares
-
-    def law(p: FloatArray) -> LawParameters:
-        a1, a2, a4, a5 = (float(q) for q in np.exp(p[:4]))
-        return LawParameters(a1, a2, a4, a5, float(p[4]))
-
-    amplitude, rate = np.log([LEAST_AMPLITUDE_S, 1.0]), np.log([1.03 * LEAST_RATE_S_MM, 0.95 * MOST_RATE_S_MM])
-    low = np.array([amplitude[0], rate[0], amplitude[0], rate[0], -0.2])
-    high = np.array([amplitude[1], rate[1], amplitude[1], rate[1], 0.3])
-    fits = []
-    for slow, fast in RATES_S_MM:
-        begin = np.array([np.log(0.05), np.log(slow), np.log(0.05), np.log(fast), max(float(latency_s.min()), 0.0)])
-        begin = np.clip(begin, low + 1e-3, high - 1e-3)
-        fits.append(
-            least_squares(lambda p: 1e3 * (law(p)(speed_mm_s) - latency_s), begin, bounds=(low, high), max_nfev=200)
-        )
-    return law(min(fits, key=lambda fit: float(fit.cost)).x)
+    return eq5_through(CurvePoints(v, law(v), np.ones(v.size)))
 
 
 def remainder_rms_s(law: LawParameters, speed_mm_s: FloatArray) -> float:

@@ -32,6 +32,7 @@ TRACKED_SD = 0.5
 TURNED_SD = 0.25
 PLATEAUS_MM_S = (20.0, 400.0)  # that a fit allows. Physical: slower nobody drags, faster the law is flat
 LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not this one. Derived
+LEAST_BEGUN_S = 1e-3  # of an amplitude where a search begins: at none its rate has no slope. Derived
 # Bounds: beyond them an exponential is straight, or over, at any drag. Derived.
 LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
 BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends. Physical
@@ -133,16 +134,21 @@ def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: 
             message("runs that give a latency: {n}, at least 5 are needed", n=points.speed_mm_s.size),
             "See with draglag analyze why the others give none, or record circles at more speeds",
         )
-    shift = max(0.0, 0.02 - float(points.latency_s.min()))  # Eq. 5's amplitudes are positive; a clock offset is not
-    points = replace(points, latency_s=points.latency_s + shift)
-    form = "double_exponential_plateau" if plateau else "double_exponential"
     if points.speed_mm_s.size < (6 if plateau else 5):
         raise EstimateError("too few speeds", "Record circles at more speeds")
-    v = fit_form(points, form).parameters
+    law = eq5_through(points, plateau)
+    return replace(law, a1_s=max(law.a1_s, LEAST_BEGUN_S), a4_s=max(law.a4_s, LEAST_BEGUN_S))
+
+
+def eq5_through(points: CurvePoints, plateau: bool = False) -> LawParameters:
+    """Least-squares Eq. 5, of whatever asymptote: the latency of a clock that is off may be negative."""
+    shift = max(0.0, 0.02 - float(points.latency_s.min()))
+    points = replace(points, latency_s=points.latency_s + shift)
+    v = fit_form(points, "double_exponential_plateau" if plateau else "double_exponential").parameters
     return LawParameters(
-        max(1e-3 * v["a1_ms"], 1e-3),
+        max(1e-3 * v["a1_ms"], LEAST_AMPLITUDE_S),
         v["a2_s_per_mm"],
-        max(1e-3 * v["a4_ms"], 1e-3),
+        max(1e-3 * v["a4_ms"], LEAST_AMPLITUDE_S),
         v["a5_s_per_mm"],
         1e-3 * v["a7_ms"] - shift,
         v.get("plateau_mm_s", 0.0),
