@@ -25,22 +25,25 @@ def falling_share(linear: Linear, levels: Normal, members: tuple[int, ...], scal
     information[np.diag_indices_from(information)] += precision
     scale = 1 / np.sqrt(np.diag(information))
     root = np.linalg.cholesky(information * np.outer(scale, scale))
-    mean = scale * solve_triangular(root.T, solve_triangular(root, scale * moment, lower=True))
-    noise = np.random.default_rng(constants.SEED).standard_normal((mean.size, DRAWS))
-    draws = mean[:, None] + scale[:, None] * solve_triangular(root.T, noise)
     begin = linear.base.shape[1] + sum(p.shape[1] for p in parts[:which])
-    own = draws[begin : begin + parts[which].shape[1]] * scales_mm[which]
-    rise_mm = _rise_mm(linear, linear.members[members[which]].theta, draws[:5], own)
+    of_law = len(linear.law.step_sd)
+    own = [*range(of_law), *range(begin, begin + parts[which].shape[1])]
+    half = solve_triangular(root, np.diag(scale)[:, own], lower=True)
+    mean = half.T @ solve_triangular(root, scale * moment, lower=True)
+    noise = np.random.default_rng(constants.SEED).standard_normal((DRAWS, len(own)))
+    draws = (mean + noise @ np.linalg.qr(half, mode="r")).T
+    form = draws[of_law:] * scales_mm[which]
+    rise_mm = _rise_mm(linear, linear.members[members[which]].theta, draws[:of_law], form)
     return float((np.count_nonzero(rise_mm < constants.SIZE_OF_INTEREST_MM) + 0.5) / (DRAWS + 1))
 
 
 def _rise_mm(linear: Linear, knots: tuple[float, ...], law: FloatArray, form: FloatArray) -> FloatArray:
-    """Largest rise, as displacement at the lower speed, (draws,). law: (5, draws); form: (k, draws)."""
+    """Largest rise, as displacement at the lower speed, (draws,). law: (p, draws); form: (k, draws)."""
     member = next(m for m in linear.members if m.name == LAW_FORM)
     size = max(float(np.sqrt(np.mean(member.columns**2) * member.columns.shape[1])), 1e-12)
     low, high = np.quantile(linear.fit.view.speed, [0.02, 0.98])
     speed = np.geomspace(low, high, SPEEDS)
-    curve = linear.law(speed)[:, None] + linear.law.columns(speed)[:, :5] @ law + basis(speed, knots) @ (form / size)
+    curve = linear.law(speed)[:, None] + linear.law.columns(speed) @ law + basis(speed, knots) @ (form / size)
     lowest = np.minimum.accumulate(curve, axis=0)
     at = np.array([np.argmin(curve[: k + 1], axis=0) for k in range(SPEEDS)])
     return np.asarray(np.max((curve - lowest) * speed[at], axis=0))

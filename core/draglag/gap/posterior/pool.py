@@ -179,18 +179,22 @@ def _by_names(search: Search) -> dict[Names, Found]:
     of_law = effects_in_law(fit)
     prior = len(of_law) * float(np.log(constants.P_EFFECT))
     falls = _falling(search)
-    masses: dict[Names, float] = {}
+    masses: dict[Names, list[float]] = {}
     best: dict[Names, Explanation] = {}
+    each = [member.name for member in search.linear.members]
+    shapes: dict[Names, list[tuple[Names, float]]] = {}  # by the names of members, of which many have the same
     for one in search.explanations:
-        names = tuple(sorted([*(search.linear.members[i].name for i in one.members), *of_law]))
-        if not inside.issubset(names) or not one_law(names):
-            continue
-        for named, log_share in _by_shape(names, falls):
-            mass = one.log_mass + log_share
-            masses[named] = float(np.logaddexp(masses[named], mass)) if named in masses else mass
+        listed = tuple([each[i] for i in one.members])
+        if listed not in shapes:
+            names = tuple(sorted([*listed, *of_law]))
+            shapes[listed] = _by_shape(names, falls) if inside.issubset(names) and one_law(names) else []
+        for named, log_share in shapes[listed]:
+            masses.setdefault(named, []).append(one.log_mass + log_share)
             if named not in best or one.log_mass > best[named].log_mass:
                 best[named] = one
-    return {names: Found(mass + prior, search, best[names]) for names, mass in masses.items()}
+    return {
+        names: Found(float(np.logaddexp.reduce(mass)) + prior, search, best[names]) for names, mass in masses.items()
+    }
 
 
 def _falling(search: Search) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
@@ -21,8 +22,7 @@ from draglag.simulation.effects import EFFECTS
 SCALES_MM = np.array(constants.SLAB_MM)
 
 
-@dataclass(frozen=True)
-class Explanation:
+class Explanation(NamedTuple):
     """Set of members. log_mass: prior times evidence, up to a constant; scales_mm: likeliest."""
 
     members: tuple[int, ...] = ()
