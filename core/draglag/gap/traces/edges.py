@@ -104,7 +104,7 @@ def place(
     edge_s = traces.edge_t_s
     added_s = np.zeros(edge_s.size) if extra_s is None else extra_s
     law_speeds = _law_speeds(traces, law, delay)
-    latency, speed, step, half_s = _found(traces, law, added_s, start, law_speeds)
+    latency, speed, step, half_s, settled = _found(traces, law, added_s, start, law_speeds)
     at_s = edge_s + latency
     made = traces.speeds.at(at_s, half_s, traces.edges)  # wherever the search came from
     there = traces.positions.at(at_s, traces.half_s, traces.edges)
@@ -118,7 +118,7 @@ def place(
     # For the columns: with the fit's own, position noise would look like an effect.
     change, turn, sudden = traces.changes_at(at_s)
     apart = ratio**2 * change
-    ok = _known_at(traces, at_s, there, made)
+    ok = settled & _known_at(traces, at_s, there, made)
     ok &= ~sudden & (np.abs(v_mm_s[:, 1]) > 0.2 * shown) & (np.abs(slope * along) < 0.3) & (np.abs(step) < 2e-3)
     run, t_s = traces.run, edge_s - traces.shift_s[traces.run]
     first_s, last_s = np.array([data.t_s[[0, -1]] for data in runs]).reshape(-1, 2).T
@@ -157,14 +157,14 @@ def place(
 def _known_at(traces: Traces, at_s: FloatArray, there: FloatArray, made: FloatArray) -> NDArray[np.bool_]:
     """(edges,) whether position and speed rest on events near that time, without a loss of contact."""
     ok: NDArray[np.bool_] = (there[:, 7] > 0) & (made[:, 7] > 0) & (there[:, 8] < 1.5)
-    ok &= in_contact(traces.t_s, at_s, traces.losses_s) & (np.abs(at_s - made[:, 0]) < HAND_STEP_S)
+    ok &= in_contact(traces.t_s, at_s, traces.losses_s)
     return ok
 
 
 def _found(
     traces: Traces, law: Law, added_s: FloatArray, start: Placed | None, law_speeds: _LawSpeeds
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Latency, speed and last step (m,), half windows of the speeds (m,)."""
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Latency, speed and last step (m,), half windows of the speeds (m,), and which edges lie near their last fit."""
     edge_s = traces.edge_t_s
     if start is not None:
         half_s = start.speed_half_s
@@ -182,7 +182,7 @@ def _found(
         open_ = open_[np.abs(edge_s[open_] + latency[open_] - made[open_, 0]) >= STRAIGHT_S]
         if open_.size <= (0 if start is None else FEW * edge_s.size):
             break  # a few that come to no end are not worth a round of their own: another placing goes on with them
-    return latency, speed, step, half_s
+    return latency, speed, step, half_s, np.abs(edge_s + latency - made[:, 0]) < HAND_STEP_S
 
 
 def _tracked(traces: Traces, followed: tuple[FloatArray, FloatArray], at_s: FloatArray) -> FloatArray:
