@@ -13,6 +13,7 @@ from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.law_form import flexible, knots_over
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.state import Term, term_signature
+from draglag.gap.replaying.hand_path import hand_motion
 from draglag.gap.replaying.realised import LawOfOwnForm, effects_of_fit, made
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.traces.run_data import gather
@@ -21,6 +22,8 @@ from draglag.recording import Session
 from draglag.report.replayed import binned
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS
+from draglag.simulation.effects.smoothing_shrink.fitted import CausalWindow
+from draglag.simulation.rig import rig_for_screen
 
 SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "low_speed_plateau"
 
@@ -138,6 +141,20 @@ def test_a_warm_up_is_simulated_with_the_time_that_its_law_was_fitted_with(
         "amplitude_s": pytest.approx(fit.terms[0].sizes[0]),
         "time_constant_s": fit.terms[0].theta[0],
     }
+
+
+def test_the_hand_behind_a_low_pass_moves_as_fast_as_its_path() -> None:
+    """A law asks for the stylus' own speed: a trace that a low-pass shrinks shows a fifth less of a quick circle's."""
+    effect = CausalWindow(0.045, (0.045,), (0.045**2,))
+    session = simulate_session("screen-1", load_protocol("demo"), effects=[effect], seed=4)
+    (quickest,) = [run for run in gather(session) if run.run.nominal_speed_mm_s == 1000.0]
+    late_s = np.full(quickest.edge_t_s.size, 0.08)
+    motion, _ = hand_motion(rig_for_screen("screen-1"), quickest, late_s, [effect], quickest.t_s[0])
+    path_mm_s = np.gradient(np.column_stack([motion.x_mm, motion.y_mm]), motion.t_s, axis=0)
+    middle = slice(motion.t_s.size // 10, -motion.t_s.size // 10)
+    velocity_mm_s = np.column_stack([motion.vx_mm_s, motion.vy_mm_s])[middle]
+    share = np.sum(velocity_mm_s * path_mm_s[middle]) / np.sum(path_mm_s[middle] ** 2)
+    assert share == pytest.approx(1.0, abs=0.01)  # what a window of the speeds flattens of such a circle
 
 
 def test_sizes_beyond_an_effect_s_bounds_are_held_at_them() -> None:

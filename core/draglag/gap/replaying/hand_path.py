@@ -48,7 +48,7 @@ def hand_motion(
         here = trace_mm(at_s) - moved
         # In the stylus' own time the trace runs at another rate: d(t + L)/dt.
         rate = np.clip(1 + np.gradient(late, t), 0.3, 3.0)
-        velocity = velocity_mm_s(at_s) * _smooth(rate)[:, None]
+        velocity = velocity_mm_s(at_s) * _smooth(rate)[:, None] - np.gradient(moved, t, axis=0)
         motion = Motion(t, here[:, 0], here[:, 1], velocity[:, 0], velocity[:, 1], np.ones(n, bool))
         if k == ROUNDS:
             break

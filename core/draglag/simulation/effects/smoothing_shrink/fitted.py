@@ -31,5 +31,6 @@ def low_passed(position_mm: FloatArray, time_constant_s: float, step_s: float) -
         return position_mm
     keep = float(np.exp(-step_s / time_constant_s))
     late = exponentially_smoothed(position_mm, keep)
+    delay_s = step_s * keep / (1 - keep)  # of the sampled recursion: half a step less than the time constant
     t = step_s * np.arange(position_mm.size)
-    return np.asarray(np.interp(t + time_constant_s, t, late))
+    return np.asarray(np.interp(t + delay_s, t, late))
