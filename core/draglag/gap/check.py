@@ -36,9 +36,8 @@ def checked(session: Session, report: GapReport, estimates: Estimates) -> GapRep
     if report.last is None:
         return report
     named = {step.effect: {name: value for name, (value, _) in step.parameters.items()} for step in report.steps}
-    uneven = any(effect_class(step.effect).uneven_ages for step in report.steps)
     try:
-        again = replay(session, report.last, named, measured=estimates if uneven else None)
+        again = replay(session, report.last, named, measured=estimates)
     except (DraglagError, ValueError, np.linalg.LinAlgError):
         return report
     found = compared_statistics(session, again)

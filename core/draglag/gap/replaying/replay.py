@@ -15,6 +15,7 @@ from draglag.gap.fitting.model import residual_mm
 from draglag.gap.fitting.nuisances import late_by_nuisances_s
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.replaying.hand_path import hand_motion
+from draglag.gap.replaying.phase import in_phase
 from draglag.gap.replaying.realised import effects_of_fit, rig_of
 from draglag.gap.results import GapReport
 from draglag.gap.streams.evidence import inspect
@@ -77,8 +78,8 @@ class RunReplay:
 class Replay:
     """A session simulated again.
 
-    run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated. repaired:
-    ``session`` with its streams repaired. between_runs_s: in the model, and by the phase of a host's ticks.
+    run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated. shown:
+    ``session``, its streams repaired if those of the reference are. between_runs_s: in the model.
     """
 
     effects: tuple[Effect, ...]
@@ -90,7 +91,7 @@ class Replay:
     falling: np.ndarray
     across_mm_s: FloatArray
     reference: Fit
-    repaired: Session
+    shown: Session
     between_runs_s: float = 0.0
 
     @property
@@ -102,7 +103,7 @@ class Replay:
     @cached_property
     def simulated(self) -> Overlay | None:
         """Simulation under the reference model."""
-        return _overlay(gather(self.repaired), self.reference)
+        return _overlay(gather(self.shown), self.reference)
 
     @property
     def difference_ms(self) -> FloatArray:
@@ -187,7 +188,7 @@ def replay(
     """Session simulated again with its measured hand.
 
     named: effect id → parameters, the only source of stream and clock effects; None: the fit's. reference: model of the
-    overlays; None: ``fit``. measured: estimates of unrepaired runs; None: the fit's.
+    overlays; None: ``fit``. measured: estimates of unrepaired runs, for effects that latencies are estimated with.
 
     Raises EstimateError if no run can be simulated.
     """
@@ -203,9 +204,13 @@ def replay(
     # Batches, coarse clocks and the like are repaired before anything is estimated, in the simulation as in the
     # measurement; a loop's delay is estimated in unrepaired streams.
     in_stream = [effect for effect in effects if effect.undone_in == "stream"]
+    waiting = any(effect.stamped_late_s() for effect in in_stream)
+    as_fitted = [data.run for data in fit.runs]
+    again = _in_phase(again, [*as_fitted, *session.runs], fit.runs) if waiting else again
     repaired = inspect(again)[1] if in_stream else again
-    unrepaired = all(effect.estimated_with for effect in in_stream)
-    before = {data.run.id: data.estimate for data in fit.runs} if measured is None else _by_run(measured)
+    repaired = _in_phase(repaired, as_fitted, fit.runs) if waiting else repaired
+    unrepaired = bool(in_stream) and all(effect.estimated_with for effect in in_stream)
+    before = _by_run(measured) if measured and unrepaired else {data.run.id: data.estimate for data in fit.runs}
     after = _by_run(estimated(again if unrepaired else repaired, SEARCHED_S))
     runs = tuple(
         RunReplay(d.run.id, d.run.protocol, before.get(d.run.id), after.get(d.run.id), (late_s, se_s))
@@ -224,22 +229,24 @@ def replay(
         falling,
         fit.placed.v_mm_s[fit.use, 1],
         reference or fit,
-        repaired,
-        float(np.hypot(fit.white.components.run_s, _by_phase_s(effects))),
+        again if reference is not None and _is_raw(reference, session) else repaired,
+        fit.white.components.run_s,
+    )
+
+
+def _is_raw(fit: Fit, session: Session) -> bool:
+    """Whether a fit's traces are those of a session, not repaired ones."""
+    touch = {run.id: run.touch for run in session.runs}
+    own = [(data.run.touch, touch.get(data.run.id, data.run.touch)) for data in fit.runs]
+    return all(
+        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
+        for a, b in own
+        for name in ("t_s", "x_mm", "y_mm")
     )
 
 
 def _by_run(estimates: Estimates) -> dict[str, RunEstimate | None]:
     return {run.id: estimate for run, estimate in estimates}
-
-
-def _by_phase_s(effects: Sequence[Effect]) -> float:
-    """Standard deviation of the difference of two runs' mean delays by the phase, anywhere in each, of a host's ticks.
-
-    Simulated frames have the ticks' rate: their true one is not known.
-    """
-    late_s = max((effect.stamped_late_s() for effect in effects if effect.undone_in == "stream"), default=0.0)
-    return float(np.sqrt(2 / 12) * 2 * late_s)
 
 
 def _simulated_session(session: Session, fit: Fit, effects: tuple[Effect, ...], report_progress: Progress) -> Session:
@@ -296,6 +303,14 @@ def _simulated_edges_s(fit: Fit, again: Session, measured_s: FloatArray, falling
             theirs = run.laser.t_s[run.laser.light == (0 if falls else 1)]
             out[mine] = _nearest(measured_s[mine], np.sort(theirs))
     return out
+
+
+def _in_phase(again: Session, measured: Sequence[Run], runs: Sequence[RunData]) -> Session:
+    """Simulated session whose runs lie where the measured ones lie."""
+    half_s = {data.run.id: float(np.median(data.speed_half_s)) for data in runs}
+    touch = {run.id: run.touch for run in measured}
+    placed = [replace(run, touch=in_phase(run.touch, touch[run.id], half_s[run.id])) for run in again.runs]
+    return replace(again, runs=tuple(placed))
 
 
 def _sorted(fit: Fit, k: int) -> tuple[FloatArray, FloatArray]:
