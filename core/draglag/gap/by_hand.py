@@ -9,8 +9,8 @@ from scipy.special import chdtrc
 
 from draglag.errors import DataError, EstimateError, message_of
 from draglag.gap.compose import Gap, Model, Shrinkage, shown_by_streams, shrinkage, with_one_more
-from draglag.gap.constants import STATED_AT_MOST
-from draglag.gap.fitting.heldout import floor_mm, gap_mm
+from draglag.gap.constants import PROBABLE, STATED_AT_MOST
+from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, effects_in
 from draglag.gap.fitting.parameters import where_of
 from draglag.gap.fitting.signatures import COLUMNS
@@ -58,7 +58,9 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     pool = compared(list(fits.values()), frozenset(EFFECTS), old.pool.unsure_ages)
     changed = shrinkage(_gap(session, before, old.pool), _gap(session, fit, pool))
     step = _step(effect, before, fit, pool, changed)
-    left = _left(report, fit, old.pool.unsure_ages, changed)
+    # By the rule for every effect, whoever proposed it.
+    accepted = step.probability > PROBABLE and shrinks_or_predicts(before, fit)
+    left = _left(report, fit, old.pool.unsure_ages, accepted)
     settled = [replace(s, parameters=parameters_with_misfit(s.effect, fit) or s.parameters) for s in report.steps]
     verdict = "unexplained" if left else "explained"
     if not left and report.verdict == "no_gap" and changed.verdict != "shrinks":
@@ -112,7 +114,7 @@ def _step(effect: str, before: Fit, fit: Fit, pool: Pool, changed: Shrinkage) ->
     )
 
 
-def _left(report: GapReport, fit: Fit, unsure_ages: bool, changed: Shrinkage) -> str | None:
+def _left(report: GapReport, fit: Fit, unsure_ages: bool, accepted: bool) -> str | None:
     """Covariate of the gap that remains, if any."""
     given = answer_of(compared([fit], frozenset(EFFECTS), unsure_ages))
     if given.unexplained_by is not None:
@@ -121,7 +123,7 @@ def _left(report: GapReport, fit: Fit, unsure_ages: bool, changed: Shrinkage) ->
     if more:
         return effect_class(more[0]).follows
     # What was unexplained and no edge shows is not explained by an effect that closes nothing.
-    closes = changed.verdict == "shrinks" and report.unexplained_by not in OF_THE_STREAMS
+    closes = accepted and report.unexplained_by not in OF_THE_STREAMS
     return None if report.verdict != "unexplained" or closes else report.unexplained_by
 
 

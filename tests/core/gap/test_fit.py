@@ -18,7 +18,7 @@ from draglag.gap.constants import GIVEN_UP, PROMISING
 from draglag.gap.fitting import joint
 from draglag.gap.fitting.heldout import gap_mm
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
-from draglag.gap.fitting.likelihood import cost_without_nuisances, downhill
+from draglag.gap.fitting.likelihood import Downhill, cost_without_nuisances, downhill
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.noise import Components, scatter
 from draglag.gap.fitting.parameters import parameters_of
@@ -27,21 +27,27 @@ from draglag.gap.fitting.whitening import whitener
 from draglag.gap.proposing.plain import refit
 from draglag.gap.proposing.proposals import refits_with, shown_by_traces
 from draglag.gap.traces.run_data import RunData, gather
-from draglag.protocol.runs import load_protocol
-from draglag.recording import Run, Session, TouchTrace
+from draglag.protocol.runs import Protocol, load_protocol
+from draglag.recording import FloatArray, Run, Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.lagging_law import refits as lagging
 from draglag.simulation.effects.speed_adaptive_filter import USUAL, SpeedAdaptiveFilter
+from draglag.simulation.law import LatencyLaw
+from draglag.simulation.rig import rig_for_screen
 
 LIKELY = 4.0  # a difference of log-likelihood that means nothing
 
 
-def simulated(*effects: str) -> Session:
+def demo_of(duration_s: float) -> Protocol:
+    """Circles of the demo, this long each."""
     demo = load_protocol("demo")
-    runs = tuple(r.model_copy(update={"duration_s": 15.0}) for r in demo.runs if r.kind == "circle")
-    protocol = demo.model_copy(update={"runs": runs, "taps": None})
-    return simulate_session("screen-2", protocol, effects=[parse_effect(e) for e in effects], seed=11)
+    runs = tuple(r.model_copy(update={"duration_s": duration_s}) for r in demo.runs if r.kind == "circle")
+    return demo.model_copy(update={"runs": runs, "taps": None})
+
+
+def simulated(*effects: str) -> Session:
+    return simulate_session("screen-2", demo_of(15.0), effects=[parse_effect(e) for e in effects], seed=11)
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +94,42 @@ def test_a_fit_that_begins_where_it_ended_stays_there(plain: tuple[Session, Fit]
     ended = fit_session(session, base.runs, [term], start=base, law=base.law)
     again = fit_session(session, base.runs, ended.terms, start=base, law=ended.law)
     assert again.terms[0].sizes == pytest.approx(ended.terms[0].sizes, abs=0.1 * SpeedAdaptiveFilter.prior_sd)
+
+
+def step_at_the_end_of(fit: Fit) -> tuple[FloatArray, float]:
+    """Step that a fit's own weights ask for where it ended, and the nats that it promises."""
+    state = linearise(fit.runs, fit.law, fit.geometry, fit.terms, fit.width_mm, None)
+    state = linearise(fit.runs, fit.law, fit.geometry, state.terms, fit.width_mm, state)
+    return downhill(fit.white, state, fit.use).step(0.0)
+
+
+@pytest.mark.parametrize("flat", [False, True], ids=["falling law", "flat law"])
+@pytest.mark.parametrize("effect", ["smoothing_shrink", "clock_drift"])
+def test_at_the_end_of_a_refit_no_step_promises_more(effect: str, flat: bool) -> None:
+    """Where the noise turns out another than the search took it for, and where a law lies at its bounds, too."""
+    rig = replace(rig_for_screen("screen-2"), run_latency_sd_s=0.0)
+    if flat:
+        rig = replace(rig, law=LatencyLaw(0.0, 0.01, 0.0, 0.01, 80.0))
+    size = {"smoothing_shrink": 0.033, "clock_drift": 30.0}[effect]
+    session = simulate_session(rig, demo_of(15.0), effects=[parse_effect(f"{effect}={size}")], seed=11)
+    for refitted in refits_with(session, fit_session(session, gather(session)), effect, ()):
+        assert step_at_the_end_of(refitted)[1] < LIKELY
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_step_is_the_best_within_the_laws_limits(seed: int) -> None:
+    """No step nearby within them is better: the cost falls along none of the ways that they leave open."""
+    rng = np.random.default_rng(seed)
+    law = LawParameters(rng.choice([1e-4, 0.05]), rng.choice([3e-4, 0.15]), 1.1e-4, 0.02, 0.05)
+    columns = rng.normal(size=(30, 12)) @ rng.normal(size=(12, 12))
+    down = Downhill(law, columns.T @ columns, columns.T @ rng.normal(size=30), np.zeros(12), 0.0)
+    step, promised = down.step(0.0)
+    limits = np.full((2, 12), [[-np.inf], [np.inf]])
+    limits[:, :5] = law.step_limits
+    slack = 1e-9 * np.abs(step).max()
+    assert np.all((step >= limits[0] - slack) & (step <= limits[1] + slack))
+    for other in np.clip(step + 0.01 * rng.normal(size=(500, 12)), *limits):
+        assert other @ down.slope - 0.5 * other @ down.curvature @ other <= promised + 1e-9 * abs(promised)
 
 
 def test_a_law_far_off_to_begin_with_costs_no_edges(plain: tuple[Session, Fit]) -> None:

@@ -79,6 +79,24 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
     return search
 
 
+def lowered(runs: tuple[RunData, ...], search: Search, width_mm: float) -> Search:
+    """Search converged under its weights; the same object if no step promises anything."""
+    damping, least = 0.0, ROUGHLY
+    for _ in range(STEPS):
+        found = _next(search.state, search.white, search.use, runs, width_mm, damping, least)
+        if found is None:
+            break
+        state, strayed, gained, damping = found
+        if strayed.any():
+            search = Search.at(runs, state, search.use & ~strayed, search.components)
+        else:
+            search = replace(search, state=state)
+        if gained < ENOUGH:
+            break
+        least = ENOUGH
+    return search
+
+
 def _judged(session: Session, runs: tuple[RunData, ...], search: Search, fixed: bool) -> Search:
     state = search.state
     use = search.use & (state.placed.ok if fixed else usable(state, runs, loose=False))

@@ -10,10 +10,11 @@ import numpy as np
 
 from draglag.errors import EstimateError
 from draglag.gap.constants import LEAST_PRECISION
+from draglag.gap.fitting.conclusion import Weighed, concluded
 from draglag.gap.fitting.descent import UNUSABLE, Search, descended
-from draglag.gap.fitting.likelihood import cost_without_nuisances, likeliest, likelihoods, profile
+from draglag.gap.fitting.likelihood import cost_without_nuisances, likelihoods, profile
 from draglag.gap.fitting.model import Geometry, LawParameters, base_prior, starting_law
-from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, scatter
+from draglag.gap.fitting.noise import Components, scatter
 from draglag.gap.fitting.search import cost_relative_to
 from draglag.gap.fitting.state import State, Term, linearise, term_signature, usable
 from draglag.gap.fitting.whitening import Whitener, whitener
@@ -25,7 +26,6 @@ from draglag.recording import FloatArray, Session
 from draglag.simulation.effects import EFFECTS, effect_class
 from draglag.simulation.residual import Averaged, View
 
-FIXED = 1e9  # precision of a parameter at its bound: it does not move. Derived
 START = Components(tremor_mm_s=1.0, run_mm=0.03)  # weights of a search until it has its own. Physical: a quiet rig
 
 
@@ -116,11 +116,14 @@ def fit_session(
         cost, strayed = cost_relative_to(search.white, other, search.state, use)
         if cost < cost_without_nuisances(search.white, search.state, use):
             search = Search.at(runs, other, use & ~strayed, START)
-    fit = _concluded(runs, descended(session, runs, search, start is not None), start, width_mm)
+    smaller = None if start is None else start.white.components
+    search = descended(session, runs, search, start is not None)
+    fit = _fit_at(runs, concluded(runs, search, smaller, width_mm), width_mm)
     if start is None or not _should_contain(fit, start):
         return fit
     search = Search.at(runs, _begun(runs, start.law, start.geometry, terms, width_mm), use, start.white.components)
-    again = _concluded(runs, descended(session, runs, search, True), start, width_mm)
+    search = descended(session, runs, search, True)
+    again = _fit_at(runs, concluded(runs, search, smaller, width_mm), width_mm)
     return again if gained_nats(fit, again) > 0 else fit
 
 
@@ -148,22 +151,9 @@ def _begun(
     return state
 
 
-def _concluded(runs: tuple[RunData, ...], search: Search, start: Fit | None, width_mm: float) -> Fit:
-    state, components = search.state, search.components
-    use = search.use & (usable(state, runs, loose=False) if start is None else state.placed.ok)
-    parts = scatter(runs, state.placed, use, state.blur_mm)
-    begun = [components, replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])]
-    if start is not None:
-        begun.append(start.white.components)  # or the larger model may seem the less likely one
-    residual, design, prior = state.residual[use], state.design[use], state.prior.copy()
-    components = likeliest(parts, residual, design, state.prior, begun)
-    noises = tuple(replace(components, run_s=a, run_mm=b) for a, b in BETWEEN)
-    prior[: base_prior(state.law).size] = base_prior(state.law)
-    prior[: state.law.at_bounds.size][state.law.at_bounds] = FIXED  # what cannot move must not be credited for it
-    value = likelihoods(parts, residual, design, prior)
-    values = [value(one) for one in noises]
-    best = int(np.argmax(values))
-    white = whitener(parts, noises[best])
+def _fit_at(runs: tuple[RunData, ...], weighed: Weighed, width_mm: float) -> Fit:
+    state, use, white = weighed.search.state, weighed.search.use, weighed.search.white
+    residual, design = state.residual[use], state.design[use]
     return Fit(
         runs=runs,
         placed=state.placed,
@@ -173,12 +163,12 @@ def _concluded(runs: tuple[RunData, ...], search: Search, start: Fit | None, wid
         terms=state.terms,
         residual_mm=residual,
         design=design,
-        prior=prior,
-        covariance=profile(white, residual, design, prior)[1],
+        prior=weighed.prior,
+        covariance=profile(white, residual, design, weighed.prior)[1],
         view=restrict(state.view, use),
         white=white,
-        noises=noises,
-        log_likelihood=float(values[best]),
+        noises=weighed.noises,
+        log_likelihood=weighed.log_likelihood,
         width_mm=width_mm,
         blur_mm=state.blur_mm,
         known=state.known,

@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from draglag.gap.fitting.model import nuisances
+from draglag.gap.fitting.model import LawParameters, nuisances
 from draglag.gap.fitting.noise import LOCAL, Components, Scatter
 from draglag.gap.fitting.state import State
 from draglag.gap.fitting.whitening import Whitener, inner_products
@@ -73,16 +73,35 @@ class Downhill:
     of law and beam.
     """
 
+    law: LawParameters
     curvature: FloatArray
     slope: FloatArray
     limit: FloatArray
     cost: float
 
     def step(self, damping: float) -> tuple[FloatArray, float]:
-        """A damped step (p,) and the predicted fall of the cost."""
+        """A damped step (p,) within the law's limits, and the predicted fall of the cost."""
         damped = self.curvature + np.diag(self.limit + damping * np.diag(self.curvature))
-        step = np.linalg.pinv(damped, hermitian=True) @ self.slope
+        step = np.asarray(np.linalg.pinv(damped, hermitian=True) @ self.slope)
+        least, most = self.law.step_limits
+        own = step[: least.size]
+        if np.any((own < least) | (own > most)):
+            step = _within(damped, self.slope, least, most)
         return step, float(step @ self.slope - 0.5 * step @ self.curvature @ step)
+
+
+def _within(curvature: FloatArray, slope: FloatArray, least: FloatArray, most: FloatArray) -> FloatArray:
+    """Step (p,) of the lowest cost whose first parameters lie within limits (Stark & Parker 1995)."""
+    from scipy.optimize import lsq_linear
+
+    scale = 1 / np.sqrt(np.maximum(np.diag(curvature), np.finfo(float).tiny))
+    values, axes = np.linalg.eigh(curvature * np.outer(scale, scale))
+    known = values > slope.size * np.finfo(float).eps * values[-1]
+    root, along = np.sqrt(values[known]), axes[:, known].T
+    limits = np.full((2, slope.size), [[-np.inf], [np.inf]])
+    limits[:, : least.size] = least, most
+    found = lsq_linear(root[:, None] * along, along @ (scale * slope) / root, limits / scale, method="bvls")
+    return np.asarray(scale * found.x, float)
 
 
 def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
@@ -102,7 +121,7 @@ def downhill(white: Whitener, state: State, use: np.ndarray) -> Downhill:
     limit[at] = 0.0
     curvature[at, at] += state.prior[at]
     moment[at] -= state.prior[at] * sizes
-    return Downhill(curvature, moment, limit, _huber_cost(left) + own_cost + _prior_cost(state))
+    return Downhill(state.law, curvature, moment, limit, _huber_cost(left) + own_cost + _prior_cost(state))
 
 
 def _drawn_to_none(state: State) -> tuple[IntArray, FloatArray]:

@@ -35,6 +35,8 @@ LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not t
 LEAST_BEGUN_S = 1e-3  # of an amplitude where a search begins: at none its rate has no slope. Derived
 # Bounds: beyond them an exponential is straight, or over, at any drag. Derived.
 LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
+# Largest step of a search: a factor of two of a rate, and of a plateau. Derived: what a tangent follows.
+MOST_LOG_RATE, MOST_PLATEAU_MM_S = 0.7, 25.0
 BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends. Physical
 CORNER = 0.02  # of the plateau's speed, over which its corner is rounded. Derived: steps of a search need a slope
 N_NUISANCES = 4  # the last base columns: fitted at every step, never carried. Derived
@@ -102,22 +104,33 @@ class LawParameters:
         ends = [not LEAST_RATE_S_MM < rate < MOST_RATE_S_MM for rate in (self.a2_s_mm, self.a5_s_mm)]
         return np.array([small[0], ends[0], small[1], ends[1]])
 
-    def moved(self, step: FloatArray) -> Self:
-        """Law after a step as in ``columns``."""
-        limited = np.clip(step[[1, 3]], -0.7, 0.7)
-        moved = replace(
-            self,
-            a1_s=max(self.a1_s + step[0], LEAST_AMPLITUDE_S),
-            a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(limited[0]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
-            a4_s=max(self.a4_s + step[2], LEAST_AMPLITUDE_S),
-            a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(limited[1]), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
-            a7_s=self.a7_s + step[4],
-        )
+    @property
+    def step_limits(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest step, as in ``columns``, of Eq. 5 and the plateau, (5,) or (6,) each."""
+        rates = np.array([self.a2_s_mm, self.a5_s_mm])
+        slower = np.maximum(np.log(LEAST_RATE_S_MM / rates), -MOST_LOG_RATE)
+        faster = np.minimum(np.log(MOST_RATE_S_MM / rates), MOST_LOG_RATE)
+        least = [LEAST_AMPLITUDE_S - self.a1_s, slower[0], LEAST_AMPLITUDE_S - self.a4_s, slower[1], -np.inf]
+        most = [np.inf, faster[0], np.inf, faster[1], np.inf]
         if self.plateau_mm_s > 0:
-            moved = replace(
-                moved, plateau_mm_s=float(np.clip(self.plateau_mm_s + np.clip(step[5], -25, 25), *PLATEAUS_MM_S))
-            )
-        return moved
+            ends = np.array(PLATEAUS_MM_S) - self.plateau_mm_s
+            least.append(max(ends[0], -MOST_PLATEAU_MM_S))
+            most.append(min(ends[1], MOST_PLATEAU_MM_S))
+        return np.minimum(least, 0.0), np.maximum(most, 0.0)
+
+    def moved(self, step: FloatArray) -> Self:
+        """Law after a step as in ``columns``, within its limits."""
+        least, most = self.step_limits
+        a1_s, a2, a4_s, a5, a7_s, *plateau_mm_s = np.clip(step[: least.size], least, most).tolist()
+        return replace(
+            self,
+            a1_s=max(self.a1_s + a1_s, LEAST_AMPLITUDE_S),
+            a2_s_mm=float(np.clip(self.a2_s_mm * np.exp(a2), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
+            a4_s=max(self.a4_s + a4_s, LEAST_AMPLITUDE_S),
+            a5_s_mm=float(np.clip(self.a5_s_mm * np.exp(a5), LEAST_RATE_S_MM, MOST_RATE_S_MM)),
+            a7_s=self.a7_s + a7_s,
+            plateau_mm_s=self.plateau_mm_s + sum(plateau_mm_s),
+        )
 
 
 def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: bool) -> LawParameters:

@@ -93,14 +93,12 @@ def _explored(
             asked.add(wanted)
             found = _proposed(session, pool, fits, _rivals(pool, left), (inside,), tried)
             found |= _proposed(session, pool, fits, _shown(fits[wanted], left - set(wanted)), (wanted, inside), tried)
-        elif wanted in proposed or len(wanted) >= most_effects or not _in_doubt(pool):
-            break
         else:
+            more = wanted not in proposed and len(wanted) < most_effects and _in_doubt(pool)
             proposed.add(wanted)
-            found = {}
-            for names in dict.fromkeys((wanted, *_probable(pool))):
-                found |= _with_one_less(session, pool, fits | found, names, tried) if names in fits else {}
-            found |= _proposed(session, pool, fits, _promising(pool, fits, left), (wanted, inside), tried)
+            found = _with_one_less(session, pool, fits, (wanted, *(_probable(pool) if more else ())), tried)
+            options = _promising(pool, fits, left) if more else []
+            found |= _proposed(session, pool, fits, options, (wanted, inside), tried)
             if not found:
                 break
         fits |= found
@@ -253,16 +251,17 @@ def _seen_in_edges(fits: dict[Names, Fit], allowed: Collection[str]) -> list[str
 
 
 def _with_one_less(
-    session: Session, pool: Pool, fits: dict[Names, Fit], wanted: Names, tried: set[tuple[Names, str]]
+    session: Session, pool: Pool, fits: dict[Names, Fit], sets: Collection[Names], tried: set[tuple[Names, str]]
 ) -> dict[Names, Fit]:
-    """Refits without one effect each: an earlier one may have stood in for later ones, which hid its setting."""
+    """Refits of sets without one effect each, and of that one after the others, of which it may have stood in for some:
+    they hid its setting."""
     out: dict[Names, Fit] = {}
     base = next(iter(fits.values()))
-    for name in wanted:
+    for wanted, name in [(each, name) for each in dict.fromkeys(sets) if each in fits for name in each]:
         fewer = tuple(other for other in wanted if other != name)
         if not fewer:
             continue
-        if fewer not in fits:
+        if fewer not in fits | out:
             out |= grown(session, fits | out, pool, fewer, tried)
         known = fits | out
         if refit_module(name) is not None and fewer in known and (fewer, name) not in tried:

@@ -19,4 +19,4 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     *others, found = usual.terms
     windows = [[*others, Term(own, (found.theta[0], window_s), found.sizes)] for window_s in WINDOWS_S]
     likeliest = most_promising(usual, windows, usual.law)
-    return [usual] if likeliest is windows[0] else [usual, refit(session, before, likeliest, usual.law)]
+    return [usual] if likeliest is windows[0] else [usual, refit(session, before, likeliest)]
