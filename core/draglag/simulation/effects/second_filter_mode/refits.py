@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.fitting.joint import Fit, latency_of_terms, most_promising
+from draglag.gap.fitting.joint import Fit, gained_nats, latency_of_terms, most_promising
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
@@ -29,7 +29,7 @@ from draglag.simulation.effects.second_filter_mode.switching import (
 OWN = SecondFilterMode.id
 LEFT_OVER = 0.03  # of a lateness undone: what is left is known to first order
 ROUNDS = 4
-NEAR = np.geomspace(0.9, 1.1, 9)  # of a speed found among quantiles
+NEAR = 1.025 ** np.arange(-4, 5)  # of a speed found among quantiles, and then of the likeliest
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
@@ -64,16 +64,25 @@ def shown_by_edges(before: Fit) -> bool:
 def _above_a_speed(
     session: Session, before: Fit, setting: Setting | None, step: Step | None, law: LawParameters
 ) -> Fit | None:
-    """Refit above the likeliest speed of single edges or between two runs. law: initial."""
+    """Refit above the likeliest speed of single edges or between two runs, in turn with the law. law: initial."""
     speeds = list[float]()
     if setting is not None and setting.by is By.SPEED:
         speeds = [v * setting.above for v in NEAR]
     size_s = SecondFilterMode.parameters[0].typical
     if step is not None:
         speeds, size_s = [*speeds, *step.thresholds_mm_s()], step.size_s
-    options = [[*before.terms, Term(OWN, Setting(float(v), By.SPEED).theta, (size_s,))] for v in speeds]
-    terms = most_promising(before, options, law)
-    return refit(session, before, terms, law)
+    fit = None
+    for _ in range(ROUNDS):
+        options = [[*before.terms, Term(OWN, Setting(float(v), By.SPEED).theta, (size_s,))] for v in speeds]
+        terms = most_promising(before, options, law)
+        if fit is not None and terms[-1].theta == fit.terms[-1].theta:
+            break
+        found = refit(session, before, terms, law)
+        if found is None or (fit is not None and gained_nats(fit, found) <= 0):
+            break
+        fit, law, size_s = found, found.law, found.terms[-1].sizes[0]
+        speeds = [v * terms[-1].theta[0] for v in NEAR]
+    return fit
 
 
 def _switched(session: Session, before: Fit, switching: Switching) -> Fit | None:
