@@ -93,9 +93,11 @@ def _explored(
             asked.add(wanted)
             found = _proposed(session, pool, fits, _rivals(pool, left), (inside,), tried)
             found |= _proposed(session, pool, fits, _shown(fits[wanted], left - set(wanted)), (wanted, inside), tried)
+        elif wanted in proposed:
+            break
         else:
-            more = wanted not in proposed and len(wanted) < most_effects and _in_doubt(pool)
             proposed.add(wanted)
+            more = len(wanted) < most_effects and _in_doubt(pool)
             found = _with_one_less(session, pool, fits, (wanted, *(_probable(pool) if more else ())), tried)
             options = _promising(pool, fits, left) if more else []
             found |= _proposed(session, pool, fits, options, (wanted, inside), tried)
