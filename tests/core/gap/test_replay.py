@@ -14,11 +14,12 @@ from draglag.gap.fitting.law_form import flexible, knots_over
 from draglag.gap.fitting.model import LawParameters
 from draglag.gap.fitting.state import Term, term_signature
 from draglag.gap.replaying.hand_path import hand_motion
+from draglag.gap.replaying.phase import in_phase
 from draglag.gap.replaying.realised import LawOfOwnForm, effects_of_fit, made
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
-from draglag.recording import Session
+from draglag.recording import FloatArray, Session, TouchTrace
 from draglag.report.replayed import binned
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import EFFECTS
@@ -155,6 +156,18 @@ def test_the_hand_behind_a_low_pass_moves_as_fast_as_its_path() -> None:
     velocity_mm_s = np.column_stack([motion.vx_mm_s, motion.vy_mm_s])[middle]
     share = np.sum(velocity_mm_s * path_mm_s[middle]) / np.sum(path_mm_s[middle] ** 2)
     assert share == pytest.approx(1.0, abs=0.01)  # what a window of the speeds flattens of such a circle
+
+
+def test_a_simulated_trace_is_moved_to_the_measured_one_whatever_events_lack_there() -> None:
+    t, early_s = np.arange(0.0, 5.0, 0.008), 0.003
+
+    def trace(at_s: FloatArray) -> TouchTrace:
+        return TouchTrace(t, 50 * np.cos(5 * at_s), 50 * np.sin(5 * at_s), np.zeros(t.size, np.int64))
+
+    measured = trace(t)
+    measured.x_mm[100:110] = np.nan
+    moved = in_phase(trace(t + early_s), measured, 0.05)
+    np.testing.assert_allclose(moved.t_s - t, early_s, atol=1e-6)
 
 
 def test_sizes_beyond_an_effect_s_bounds_are_held_at_them() -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.gap.replaying.hand_path import COARSE
+from draglag.path.events import usable
 from draglag.path.local_fit import local_fit
 from draglag.recording import TouchTrace
 from draglag.simulation.kinematics import GRID_HZ
@@ -17,10 +18,11 @@ def in_phase(simulated: TouchTrace, measured: TouchTrace, half_s: float) -> Touc
 
     Its frames wait for other ticks, and are later or earlier by up to one, all alike.
     """
-    if not simulated.t_s.size or not measured.t_s.size:
+    traces = [usable(touch) for touch in (measured, simulated)]
+    if not all(touch.t_s.size for touch in traces):
         return simulated
-    at_s = np.arange(max(measured.t_s[0], simulated.t_s[0]), min(measured.t_s[-1], simulated.t_s[-1]), COARSE / GRID_HZ)
-    was, now = (local_fit(t.t_s, np.column_stack([t.x_mm, t.y_mm]), at_s, half_s) for t in (measured, simulated))
+    at_s = np.arange(max(t.t_s[0] for t in traces), min(t.t_s[-1] for t in traces), COARSE / GRID_HZ)
+    was, now = (local_fit(t.t_s, np.column_stack([t.x_mm, t.y_mm]), at_s, half_s) for t in traces)
     both = was.ok & now.ok
     velocity_mm_s = was.v_mm_s[both]
     if not velocity_mm_s.any():
