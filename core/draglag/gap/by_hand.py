@@ -63,7 +63,7 @@ def add_by_hand(session: Session, report: GapReport, effect: str) -> GapReport:
     left = _left(report, fit, old.pool.unsure_ages, accepted)
     settled = [replace(s, parameters=parameters_with_misfit(s.effect, fit) or s.parameters) for s in report.steps]
     verdict = "unexplained" if left else "explained"
-    if not left and report.verdict == "no_gap" and changed.verdict != "shrinks":
+    if not left and report.verdict == "no_gap" and not accepted:
         verdict = "no_gap"
     return replace(
         report,

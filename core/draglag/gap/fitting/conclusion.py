@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from draglag.gap.fitting.descent import Search, lowered
 from draglag.gap.fitting.likelihood import likeliest, likelihoods
 from draglag.gap.fitting.model import base_prior
-from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, scatter
-from draglag.gap.fitting.state import usable
+from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
+from draglag.gap.fitting.state import State, usable
 from draglag.gap.fitting.whitening import whitener
 from draglag.gap.traces.run_data import RunData
 from draglag.recording import FloatArray
@@ -19,7 +22,7 @@ WEIGHED = 3  # times that weights are taken again at the end of a search; once i
 
 @dataclass(frozen=True)
 class Weighed:
-    """A search under its likeliest weights, and what they are of: run components tried, prior (p,), log-likelihood."""
+    """A search under its weights, the run components to try with them, prior (p,), log-likelihood."""
 
     search: Search
     noises: tuple[Components, ...]
@@ -27,24 +30,44 @@ class Weighed:
     log_likelihood: float
 
 
-def _weighed(
-    runs: tuple[RunData, ...], search: Search, smaller: Components | None, kept: Components | None = None
-) -> Weighed:
-    """smaller: weights of a smaller model, whose edges are kept. kept: weights; None: the likeliest."""
-    state, components = search.state, search.components
-    use = search.use & (usable(state, runs, loose=False) if smaller is None else state.placed.ok)
-    parts = scatter(runs, state.placed, use, state.blur_mm)
-    begun = [components, replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])]
-    if smaller is not None:
-        begun.append(smaller)  # or the larger model may seem the less likely one
-    residual, design, prior = state.residual[use], state.design[use], state.prior.copy()
-    components = kept or likeliest(parts, residual, design, state.prior, begun)
-    noises = tuple(replace(components, run_s=a, run_mm=b) for a, b in BETWEEN)
-    prior[: base_prior(state.law).size] = base_prior(state.law)
-    prior[: state.law.at_bounds.size][state.law.at_bounds] = FIXED  # what cannot move must not be credited for it
-    value = likelihoods(parts, residual, design, prior)
-    best = kept or max(noises, key=value)
-    return Weighed(Search(state, use, best, whitener(parts, best)), noises, prior, value(best))
+@dataclass(frozen=True)
+class End:
+    """Where a search has ended, without weights. begun: components that the likeliest are sought from."""
+
+    state: State
+    use: np.ndarray
+    parts: Scatter
+    prior: FloatArray
+    value: Callable[[Components], float]
+    begun: tuple[Components, ...]
+
+    @classmethod
+    def of(cls, runs: tuple[RunData, ...], search: Search, smaller: Components | None) -> End:
+        state, components = search.state, search.components
+        use = search.use & (usable(state, runs, loose=False) if smaller is None else state.placed.ok)
+        parts = scatter(runs, state.placed, use, state.blur_mm)
+        begun = [components, replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])]
+        if smaller is not None:
+            begun.append(smaller)  # or the larger model may seem the less likely one
+        prior = state.prior.copy()
+        prior[: base_prior(state.law).size] = base_prior(state.law)
+        at_bounds = state.law.at_bounds
+        prior[: at_bounds.size][at_bounds] = FIXED  # what cannot move must not be credited for it
+        value = likelihoods(parts, state.residual[use], state.design[use], prior)
+        return cls(state, use, parts, prior, value, tuple(begun))
+
+    def likeliest(self) -> Components:
+        state, use = self.state, self.use
+        found = likeliest(self.parts, state.residual[use], state.design[use], state.prior, self.begun)
+        return max(_between(found), key=self.value)
+
+    def under(self, components: Components) -> Weighed:
+        there = Search(self.state, self.use, components, whitener(self.parts, components))
+        return Weighed(there, _between(components), self.prior, self.value(components))
+
+
+def _between(components: Components) -> tuple[Components, ...]:
+    return tuple(replace(components, run_s=a, run_mm=b) for a, b in BETWEEN)
 
 
 def concluded(runs: tuple[RunData, ...], search: Search, smaller: Components | None, width_mm: float) -> Weighed:
@@ -52,18 +75,21 @@ def concluded(runs: tuple[RunData, ...], search: Search, smaller: Components | N
 
     smaller: weights of a smaller model, whose edges are kept.
     """
-    here = _weighed(runs, search, smaller)
+    end = End.of(runs, search, smaller)
+    here = end.under(end.likeliest())
     now = lowered(runs, here.search, width_mm)
     if now is here.search:
         return here
-    here = _weighed(runs, now, smaller, now.components)
+    end = End.of(runs, now, smaller)
+    here = end.under(now.components)
     for _ in range(WEIGHED):
-        again = _weighed(runs, now, smaller)
-        if again.search.components == now.components:
+        likely = end.likeliest()
+        if likely == now.components:
             break
-        now = lowered(runs, again.search, width_mm)
-        there = _weighed(runs, now, smaller, now.components)
-        if there.log_likelihood <= here.log_likelihood:  # a linear law passes its bounds, and promised them more
+        now = lowered(runs, end.under(likely).search, width_mm)
+        end = End.of(runs, now, smaller)
+        there = end.under(now.components)
+        if there.log_likelihood <= here.log_likelihood:  # a linear law passes its bounds: other weights promised more
             break
         here = there
     return here

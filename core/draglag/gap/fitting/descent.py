@@ -40,6 +40,14 @@ class Search:
     def at(cls, runs: tuple[RunData, ...], state: State, use: np.ndarray, components: Components) -> Search:
         return cls(state, use, components, whitener(scatter(runs, state.placed, use, state.blur_mm), components))
 
+    def moved(self, runs: tuple[RunData, ...], state: State, strayed: np.ndarray) -> Search:
+        """At another point, without the edges that cannot be placed there."""
+        return (
+            Search.at(runs, state, self.use & ~strayed, self.components)
+            if strayed.any()
+            else replace(self, state=state)
+        )
+
     def at_best_rates(self, runs: tuple[RunData, ...], width_mm: float) -> Search:
         """At the likeliest rates of a grid, if better."""
         state, use = at_best_rates(self.state, self.white, self.use, runs, width_mm)
@@ -66,10 +74,8 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
         state, strayed, gained, damping = found
         if not fixed and not judged:
             search = Search.at(runs, state, usable(state, runs, loose=iteration < 2), search.components)
-        elif strayed.any():
-            search = Search.at(runs, state, search.use & ~strayed, search.components)
         else:
-            search = replace(search, state=state)
+            search = search.moved(runs, state, strayed)
         # A damped step may gain little where much is left to gain; several in a row do not.
         free = damping == 0
         idle = idle + 1 if gained < ENOUGH else 0
@@ -87,10 +93,7 @@ def lowered(runs: tuple[RunData, ...], search: Search, width_mm: float) -> Searc
         if found is None:
             break
         state, strayed, gained, damping = found
-        if strayed.any():
-            search = Search.at(runs, state, search.use & ~strayed, search.components)
-        else:
-            search = replace(search, state=state)
+        search = search.moved(runs, state, strayed)
         if gained < ENOUGH:
             break
         least = ENOUGH

@@ -35,7 +35,7 @@ LEAST_AMPLITUDE_S = 1e-4  # Eq. 5 falls with speed; a law that does not is not t
 LEAST_BEGUN_S = 1e-3  # of an amplitude where a search begins: at none its rate has no slope. Derived
 # Bounds: beyond them an exponential is straight, or over, at any drag. Derived.
 LEAST_RATE_S_MM, MOST_RATE_S_MM = 3e-4, 0.15
-# Largest step of a search: a factor of two of a rate, and of a plateau. Derived: what a tangent follows.
+# Largest step of a search, ln of a rate (a factor of two) and mm/s of a plateau. Derived: what a tangent follows.
 MOST_LOG_RATE, MOST_PLATEAU_MM_S = 0.7, 25.0
 BENT_SD_S2 = 3e-5  # as a low-pass of some 8 ms bends. Physical
 CORNER = 0.02  # of the plateau's speed, over which its corner is rounded. Derived: steps of a search need a slope
