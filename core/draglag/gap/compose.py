@@ -26,7 +26,8 @@ from draglag.gap.session_check import times_out_of_order
 from draglag.gap.steps import deviance_gained, step_of
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stamps import StreamEffect
-from draglag.gap.traces.run_data import SEARCHED_S, gather
+from draglag.gap.traces.run_data import gather
+from draglag.gap.traces.searched import searched
 from draglag.latency.conduct import kept_runs
 from draglag.messages import message
 from draglag.recording import Session
@@ -173,7 +174,7 @@ def find(session: Session, model: Model | None = None) -> Gap:
     Raises EstimateError if the session cannot carry the model.
     """
     model = model or Model()
-    session, _, estimates = kept_runs(session, window_s=SEARCHED_S)
+    session, _, estimates = kept_runs(session, estimates=searched(session))
     start = model.fit if model.of == _of(session) else None
     disorder = times_out_of_order(session)
     if disorder:

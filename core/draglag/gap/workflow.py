@@ -17,7 +17,8 @@ from draglag.gap.results import GapReport
 from draglag.gap.session_check import what_is_missing
 from draglag.gap.steps import reported
 from draglag.gap.streams.evidence import inspect
-from draglag.gap.traces.run_data import SEARCHED_S, gather
+from draglag.gap.traces.run_data import gather
+from draglag.gap.traces.searched import searched
 from draglag.latency.conduct import Estimates, kept_runs
 from draglag.messages import message
 from draglag.provenance import is_simulated
@@ -47,7 +48,7 @@ def close_gap(
     Raises DataError for an unknown candidate.
     """
     allowed = known_effects(candidates)
-    session, excluded, estimates = kept_runs(session, include, SEARCHED_S)
+    session, excluded, estimates = kept_runs(session, include, searched(session))
     report = _closed(session, estimates, max_effects, allowed, progress or (lambda fraction, text: None))
     return replace(report, excluded=excluded, simulated=is_simulated(session.devices))
 

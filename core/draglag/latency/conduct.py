@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, RunEstimate
+from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate
 from draglag.latency.run import estimate_run
 from draglag.recording import FloatArray, Run, Session
 
@@ -97,17 +97,18 @@ def recorded_again(runs: Sequence[Run], estimates: Iterable[RunEstimate], exclud
     return found
 
 
-def estimated(session: Session, window_s: tuple[float, float] = WINDOW_S) -> Estimates:
+def estimated(session: Session) -> Estimates:
     """Estimates of the runs at constant speed."""
     steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
-    return tuple((run, estimate_run(run, session.stylus.diameter_mm, window_s=window_s)) for run in steady)
+    return tuple((run, estimate_run(run, session.stylus.diameter_mm)) for run in steady)
 
 
 def kept_runs(
-    session: Session, include: Collection[str] = (), window_s: tuple[float, float] = WINDOW_S
+    session: Session, include: Collection[str] = (), estimates: Estimates | None = None
 ) -> tuple[Session, dict[str, str], Estimates]:
-    """The session without the runs to leave out; run id → reason; the runs' estimates."""
-    estimates = estimated(session, window_s)
+    """The session without the runs to leave out; run id → reason; the runs' estimates, made where none are given."""
+    if estimates is None:
+        estimates = estimated(session)
     excluded = why_excluded(session.runs, (with_conduct(one, run) for run, one in estimates), include)
     if excluded:
         session = replace(session, runs=tuple(run for run in session.runs if run.id not in excluded))

@@ -20,8 +20,9 @@ from draglag.gap.replaying.realised import effects_of_fit, rig_of
 from draglag.gap.results import GapReport
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.traces.edges import Placed, place
-from draglag.gap.traces.run_data import SEARCHED_S, RunData, before_events, gather
-from draglag.latency.conduct import Estimates, estimated
+from draglag.gap.traces.run_data import RunData, before_events, gather
+from draglag.gap.traces.searched import searched
+from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate
 from draglag.messages import joined, message
 from draglag.path.events import contact_losses, sample_interval_s
@@ -211,7 +212,7 @@ def replay(
     repaired = _in_phase(repaired, as_fitted, fit.runs) if waiting else repaired
     unrepaired = bool(in_stream) and all(effect.estimated_with for effect in in_stream)
     before = _by_run(measured) if measured and unrepaired else {data.run.id: data.estimate for data in fit.runs}
-    after = _by_run(estimated(again if unrepaired else repaired, SEARCHED_S))
+    after = _by_run(searched(again if unrepaired else repaired))
     runs = tuple(
         RunReplay(d.run.id, d.run.protocol, before.get(d.run.id), after.get(d.run.id), (late_s, se_s))
         for d, late_s, se_s in zip(fit.runs, *(values.tolist() for values in late_by_nuisances_s(fit)), strict=True)
@@ -278,7 +279,7 @@ def replays(session: Session, report: GapReport, progress: Progress | None = Non
     report_progress = progress or (lambda fraction, text: None)
     session = report.judged(session)
     loop = any(effect_class(step.effect).estimated_with for step in report.steps)
-    measured = estimated(session, SEARCHED_S) if loop else None
+    measured = searched(session) if loop else None
     fits = [report.first]
     for step in report.steps:
         fits.append(step.fit or fits[-1])

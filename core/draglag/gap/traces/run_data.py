@@ -13,10 +13,10 @@ from draglag.errors import EstimateError
 from draglag.gap.constants import HAND_STEP_S
 from draglag.gap.traces.dewarped import Shown, Spectrum, shown_speed, spectrum_of
 from draglag.gap.traces.law_speed import COARSE_S, padded
+from draglag.gap.traces.searched import searched
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.conduct import Estimates
-from draglag.latency.estimate import FEWEST_EDGES, RunEstimate, prepare
-from draglag.latency.run import estimate_run
+from draglag.latency.estimate import CONSTANT_SPEED, FEWEST_EDGES, RunEstimate, prepare
 from draglag.messages import message
 from draglag.path.events import contact_losses, sample_interval_s
 from draglag.path.local_fit import local_fit
@@ -25,7 +25,6 @@ from draglag.recording import FloatArray, Run, Session
 from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 
 GUESS_S = 0.06  # of a latency where none is known. Physical: a usual touchscreen
-SEARCHED_S = (-0.15, 0.45)  # latencies: a clock may be off. Physical
 # Of a circle, over half a window: a cubic is true there to 0.2 % of the way off its centre line. Derived.
 CUBIC_RAD = 0.85
 
@@ -120,8 +119,11 @@ class RunData:
 def gather(session: Session, estimates: Estimates = ()) -> tuple[RunData, ...]:
     """Runs with enough usable edges, without chatter; steady ones without outliers.
 
-    estimates: in ``SEARCHED_S``, of runs of which they are known.
+    estimates: by ``searched``, of the runs of which they are known.
     """
+    known = {id(run) for run, _ in estimates}
+    others = searched(replace(session, runs=tuple(run for run in session.runs if id(run) not in known)))
+    found = {id(run): estimate for run, estimate in (*estimates, *others)}
     out = []
     for run in session.runs:
         try:
@@ -131,9 +133,8 @@ def gather(session: Session, estimates: Estimates = ()) -> tuple[RunData, ...]:
         edges, estimate = ready.edges, None
         if edges.t_s.size < FEWEST_EDGES:
             continue
-        if run.protocol in ("circle", "free"):
-            known = next((one for other, one in estimates if other is run), None)
-            estimate = known or estimate_run(run, session.stylus.diameter_mm, window_s=SEARCHED_S)
+        if run.protocol in CONSTANT_SPEED:
+            estimate = found[id(run)]
             if estimate.latency_s is None or estimate.alignment is None:
                 continue
             keep = np.isin(edges.t_s, estimate.alignment.edge_t_s)
