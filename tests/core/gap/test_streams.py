@@ -10,11 +10,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from draglag.exchange import read_exchange
 from draglag.gap.correction import realise
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import stalls
+from draglag.gap.streams.stamps import resolution_mm
 from draglag.gap.traces.dewarped import DewarpedKinematics, spectrum_of
 from draglag.gap.traces.run_data import gather
 from draglag.model.file import ModelEffect
@@ -246,6 +248,36 @@ def test_fills_are_seen_in_whole_steps_finer_than_the_noise(sound: Session) -> N
     found, _ = inspect(with_touch(sound, filled))
     assert [f.effect for f in found] == ["loss_of_contact"]
     assert found[0].value == pytest.approx(10, rel=0.2)
+
+
+@pytest.mark.parametrize("step_mm", [0.002, 0.1])
+def test_fills_are_seen_that_are_made_after_rounding(sound: Session, step_mm: float) -> None:
+    """Their positions lie between the steps of all others."""
+
+    def filled(touch: TouchTrace) -> TouchTrace:
+        whole, t_s = in_steps(touch, step_mm), touch.t_s
+        lost = np.zeros(t_s.size, bool)
+        for start in np.arange(t_s[0] + 1, t_s[-1] - 1, 3.0):  # 20 a minute, 150 ms each
+            lost |= (t_s > start) & (t_s < start + 0.15)
+        x, y = (np.interp(t_s, t_s[~lost], values[~lost]) for values in (whole.x_mm, whole.y_mm))
+        return replace(whole, x_mm=x, y_mm=y)
+
+    found, _ = inspect(with_touch(sound, filled))
+    assert [f.effect for f in found] == ["loss_of_contact"]
+    assert found[0].value == pytest.approx(20, rel=0.15)
+    assert resolution_mm([filled(run.touch) for run in sound.runs]) == pytest.approx(step_mm, rel=0.01)
+
+
+@pytest.mark.parametrize("step_mm", [0.002, 0.005])
+def test_lines_that_a_smooth_path_makes_on_fine_steps_are_no_fills(sound: Session, step_mm: float) -> None:
+    """On so fine steps nearly all coordinates differ, and slow parts of a low-passed path bend by less than one."""
+
+    def smooth(touch: TouchTrace) -> TouchTrace:
+        even = touch.t_s[0] + np.arange(touch.t_s.size) / 120
+        x, y = (gaussian_filter1d(np.interp(even, touch.t_s, v), 12) for v in (touch.x_mm, touch.y_mm))
+        return in_steps(replace(touch, t_s=even, x_mm=x, y_mm=y), step_mm)
+
+    assert "loss_of_contact" not in {f.effect for f in inspect(with_touch(sound, smooth))[0]}
 
 
 def test_a_ripple_is_no_uneven_age_of_even_stamps(sound: Session) -> None:

@@ -16,7 +16,10 @@ CROWDED = 0.01  # of the stamps, that the one before is like: more than accident
 BEAT = 1.2  # of a tick: as far apart as rounding alone puts stamps. Derived
 # A panel's frame clock is even over the first, and a beat at most the second, in frames. Physical.
 SLOW_FRAMES, SLOWEST_FRAMES = 61, 1000
-FEW = 0.5  # of all coordinates that may differ where they are whole steps. Judgement
+FINEST_MM = 5e-4  # finer steps are those of a file's decimals. Physical
+ROUNDED_MM = 1e-5  # coordinates that differ by less are alike but for arithmetic. Derived
+SMALL = 4  # steps between two events at which it shows whether they are whole. Derived
+WHOLE, SHARE_WHOLE = 0.1, 0.5  # of a step; of the distances, for fills may have any: by chance a fifth. Judgement
 Found = TypeVar("Found")
 
 
@@ -84,17 +87,23 @@ def _running_mean(values: FloatArray, width: int) -> FloatArray:
 
 
 def resolution_mm(touches: list[TouchTrace]) -> float:
-    """Step of the coordinates; 0 if not quantised."""
-    steps = []
-    fresh = [np.append(True, ~repeats(t)) for t in touches]  # what a host holds is no step
-    for axis in ("x_mm", "y_mm"):
-        values = np.concatenate([getattr(t, axis)[keep] for t, keep in zip(touches, fresh, strict=True)])
-        unique = np.unique(np.round(values, 6))
-        if unique.size < 2 or unique.size > FEW * values.size:
-            return 0.0
-        apart = np.diff(unique)
-        steps.append(float(np.median(apart[apart > 1e-5])) if np.any(apart > 1e-5) else 0.0)
-    return max(steps)
+    """Step of the coordinates; 0 if they are not quantised, or finer than ``FINEST_MM``."""
+    steps = [_step_mm([getattr(t, axis) for t in touches]) for axis in ("x_mm", "y_mm")]
+    return max(steps) if all(steps) else 0.0
+
+
+def _step_mm(values_mm: list[FloatArray]) -> float:
+    """The commonest distance between neighbouring values, if most events lie whole steps apart; else 0."""
+    spacing = np.diff(np.unique(np.round(np.concatenate(values_mm), 6)))
+    sizes, counts = np.unique(np.round(spacing[spacing > ROUNDED_MM] / ROUNDED_MM), return_counts=True)
+    if not sizes.size:
+        return 0.0
+    commonest = ROUNDED_MM * float(sizes[np.argmax(counts)])
+    step = float(np.median(spacing[np.abs(spacing - commonest) < WHOLE * commonest]))
+    moved = np.abs(np.concatenate([np.diff(each) for each in values_mm])) / step
+    moved = moved[(moved > WHOLE) & (moved < SMALL + 0.5)]
+    whole = np.abs(moved - np.round(moved)) < WHOLE
+    return step if step > FINEST_MM and whole.mean() > SHARE_WHOLE else 0.0
 
 
 def repeats(touch: TouchTrace) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from draglag.gap.streams.stamps import StreamEffect, Streams, first_of_repeats
+from draglag.gap.streams.stamps import FINEST_MM, StreamEffect, Streams, first_of_repeats
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.simulation.effects.deadband import JUMP, Deadband
 
@@ -17,9 +17,7 @@ NARROWEST_MM, WIDEST_MM = 0.05, 1.5  # half of the former is 0.6 ms at 45 mm/s
 OF_STEPS = 2.5  # steps of whole coordinates, below which those alone make positions stand still
 OFF_PATH_MM = (0.02, 0.04, 0.08, 0.16)  # by how much a stylus may lie off the straight way between two jumps
 ROUNDED = 0.41  # standard deviation of a difference of two rounded coordinates, in steps
-FINEST_MM = 5e-4
 UNSURE = 0.5  # of a step of whole coordinates: rounding is no normal scatter
-WHOLE, SHARE_WHOLE = 0.02, 0.95  # of a step; of the distances between coordinates
 P_OUTLIER = 1e-3  # share of events that may be anything
 MIN_LOG_RATIO = 10.0  # nats
 SURELY = 4.0  # roundings, by which a step is shorter for certain
@@ -47,7 +45,6 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
     if not stood.size or not moved.size:
         return None
     at_random = sum(_of_share(behind.size, steps.size) for behind, steps in runs)
-    step_mm = step_mm or _fine_step_mm(touches)
     rounding_mm = max(ROUNDED * step_mm, FINEST_MM)
     narrowest = max(OF_STEPS * step_mm, NARROWEST_MM)
     if narrowest >= WIDEST_MM:
@@ -88,16 +85,6 @@ def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
     begin, end = fresh[last], fresh[last + 1]
     share = (touch.t_s[repeats] - touch.t_s[begin]) / np.maximum(touch.t_s[end] - touch.t_s[begin], 1e-9)
     return share * step[end - 1], step[step > 0]
-
-
-def _fine_step_mm(touches: Sequence[TouchTrace]) -> float:
-    """Step of quantised coordinates; 0 if not quantised."""
-    values = np.unique(np.round(np.concatenate([touch.x_mm for touch in touches]), 6))
-    spacing = np.diff(values)
-    if not spacing.size or spacing.min() < FINEST_MM:
-        return 0.0
-    steps = spacing / spacing.min()
-    return float(spacing.min()) if np.mean(np.abs(steps - np.round(steps)) < WHOLE) > SHARE_WHOLE else 0.0
 
 
 def _of_share(stood: int, moved: int) -> float:

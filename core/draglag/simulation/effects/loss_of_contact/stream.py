@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.gap.streams.stamps import StreamEffect, Streams
+from draglag.gap.streams.stamps import WHOLE, StreamEffect, Streams
 from draglag.messages import message
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.simulation.effects.loss_of_contact import LossOfContact
@@ -126,9 +126,16 @@ def _lines(
         return straight
     even = _even(touch.t_s)
     usual_mm2 = _usual_around(off, even, usual_bend, resolution_mm)
+    exact = straight & _between_steps(touch, resolution_mm)
     if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < INFORMATIVE * resolution_mm**2 / 8:
-        return None  # where a slow path stays on one step, anything is a line
-    return straight if uneven_ages else _likelier_lines(off, usual_mm2, even, resolution_mm, n_events)
+        return exact if exact.any() else None  # where a slow path stays on one step, anything whole is a line
+    return straight if uneven_ages else exact | _likelier_lines(off, usual_mm2, even, resolution_mm, n_events)
+
+
+def _between_steps(touch: TouchTrace, resolution_mm: float) -> np.ndarray:
+    """Whether inner events (n − 2,) lie between whole steps of the one before: filled after rounding."""
+    steps = np.diff(np.column_stack([touch.x_mm, touch.y_mm]), axis=0)[:-1] / resolution_mm
+    return np.asarray((np.abs(steps - np.round(steps)) > WHOLE).any(axis=1))
 
 
 def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndarray]:
