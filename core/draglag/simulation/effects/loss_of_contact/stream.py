@@ -126,10 +126,10 @@ def _lines(
         return straight
     even = _even(touch.t_s)
     usual_mm2 = _usual_around(off, even, usual_bend, resolution_mm)
-    exact = straight & _between_steps(touch, resolution_mm)
+    exact: np.ndarray = straight & _between_steps(touch, resolution_mm)
     if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < INFORMATIVE * resolution_mm**2 / 8:
         return exact if exact.any() else None  # where a slow path stays on one step, anything whole is a line
-    return straight if uneven_ages else exact | _likelier_lines(off, usual_mm2, even, resolution_mm, n_events)
+    return exact if uneven_ages else exact | _likelier_lines(off, usual_mm2, even, resolution_mm, n_events)
 
 
 def _between_steps(touch: TouchTrace, resolution_mm: float) -> np.ndarray:

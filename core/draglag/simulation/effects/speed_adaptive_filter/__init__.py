@@ -14,6 +14,7 @@ from draglag.simulation.effects.base import Effect, TouchEvents, each_contact
 from draglag.simulation.effects.in_fits import Z95, FittedTerm, Parameters, Theta, Undoing
 from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.speed_adaptive_filter.filtering import (
+    DERIVATIVE_HZ,
     Setting,
     cut_off_hz,
     filtered,
@@ -23,6 +24,7 @@ from draglag.simulation.residual import LineGains, Signature, View, bent
 if TYPE_CHECKING:
     from draglag.gap.fitting.joint import Fit
     from draglag.gap.fitting.state import Term
+    from draglag.gap.traces.edges import Placed
     from draglag.gap.traces.run_data import RunData
 
 USUAL, OF_SCREENS_SD = Setting(1.0, 0.02), 0.5
@@ -35,6 +37,7 @@ SMOOTHER_SD = 0.15
 filters were off by 0.02 to 0.4, the most where the law falls as the filter's delay does."""
 LEAST_UNSURE = 1e-3  # of a parameter's logarithm: a filter's own arithmetic is known to no better
 MOST_UNKNOWN = 5.0  # of a parameter's logarithm: a factor of 150 is nothing known
+SETTLES_S = 1.0  # of the velocity that the filter follows: after it 0.2 % of where it began is left
 HELD = 1e-3  # of a parameter's logarithm in a fit: its columns hold next to a setting, refits move that
 
 
@@ -102,6 +105,17 @@ class SpeedAdaptiveFilter(Effect):
         from draglag.simulation.effects.speed_adaptive_filter.freed import Unfiltered
 
         return Unfiltered(Setting(*term.theta[:2])) if term.theta else None, term
+
+    @classmethod
+    def unsure_mm(cls, term: Term, placed: Placed) -> FloatArray:
+        """By how much an edge lies elsewhere if the filter moved already when the trace begins, (m,)."""
+        first_s = np.array([data.t_s[0] for data in placed.traces.runs])[placed.run]
+        since_s = placed.t_s + placed.latency_s - first_s
+        forgotten = np.exp(-2 * np.pi * DERIVATIVE_HZ * np.maximum(since_s, 0.0))
+        begun_hz = term.theta[0] + term.theta[1] * placed.speed_mm_s * (1 - forgotten)
+        moving_hz = term.theta[0] + term.theta[1] * placed.speed_mm_s
+        later_s = (1 / begun_hz - 1 / moving_hz) / (2 * np.pi)
+        return np.where(since_s < SETTLES_S, np.abs(placed.v_mm_s[:, 1]) * later_s / np.sqrt(3), 0.0)
 
     @classmethod
     def whole_sizes(cls, term: Term, fit: Fit) -> FloatArray:

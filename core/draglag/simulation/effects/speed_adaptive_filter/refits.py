@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.errors import EstimateError
-from draglag.gap.constants import LEAST_PRECISION
 from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.model import LawParameters, starting_law
 from draglag.gap.fitting.state import Term
@@ -28,26 +27,22 @@ ROUNDS = 4  # after the first refits
 LONGEST_STEP = 0.7  # of a logarithm in one round, a factor of two: further, first order says nothing
 BEYOND_SCREENS = 3.5  # standard deviations among screens: one in two thousand would have such a filter
 BACK = 0.3  # of a step that went too far
-LEAST_SHARE = 0.1  # of a filter's columns, for it is there as a whole: simulated ones have 0.36 to 1.8
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
     """Refit of traces freed of the likeliest filter, if likelier than without.
 
-    Begun at ``theta``; pursued from the usual filter if that is likelier.
+    Begun at ``theta`` or at the usual filter, whichever is likelier.
     """
-    begun = Setting(*theta[:2]) if theta else USUAL
-    best = _at(session, before, begun) if shown_share(before, begun) >= LEAST_SHARE else None
-    if best is None:
+    begun = {USUAL, Setting(*theta[:2])} if theta else {USUAL}
+    first = [fit for setting in sorted(begun) if (fit := _at(session, before, setting)) is not None]
+    if not first:
         return []
+    best = max(first, key=lambda fit: gained_nats(before, fit))
     step, unsure, gain = likelier(best)
-    for k in range(ROUNDS):
+    for _ in range(ROUNDS):
         if gained_nats(before, best) + gain < 0:
             return []  # not even to first order does it come up to a fit without a filter
-        usual = _at(session, before, USUAL) if k == 0 and theta else None
-        if usual is not None and gained_nats(best, usual) > 0:
-            best = usual
-            step, unsure, gain = likelier(best)
         there = _setting(best).moved(np.clip(step, -LONGEST_STEP, LONGEST_STEP))
         if np.max(np.abs(there.logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD:
             return []
@@ -63,16 +58,6 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         return []
     setting = _setting(best)._replace(sd_log_fmin=float(unsure[0]), sd_log_beta=float(unsure[1]))
     return [replace(best, terms=tuple(replace(t, theta=setting) if t.effect == OWN else t for t in best.terms))]
-
-
-def shown_share(before: Fit, setting: Setting) -> float:
-    """Size of a filter's column next to the fit's terms, by one linear step: 1 where the filter is there."""
-    column = SpeedAdaptiveFilter.signature_of(setting, before.view).columns(before.view)
-    a = before.white.apply(np.column_stack([before.design, column]))
-    precision = np.diag(np.append(before.prior, LEAST_PRECISION))
-    return float(
-        (np.linalg.pinv(a.T @ a + precision, hermitian=True) @ (a.T @ before.white.apply(before.residual_mm)))[-1]
-    )
 
 
 def _at(session: Session, before: Fit, setting: Setting, law: LawParameters | None = None) -> Fit | None:
