@@ -13,6 +13,8 @@ Columns = Callable[[FloatArray, FloatArray], FloatArray]
 
 SLOWEST_RATE, FASTEST_RATE = 3e-4, 0.15  # s/mm: decays over 3.3 m/s … 7 mm/s, wider than any panel's
 RATE_GRID = np.geomspace(5e-4, 0.1, 22)
+AT_REST_MM_S = 1.0  # slower, a stylus rests: a power of the speed rises no further
+SCALE_MM_S = 100.0  # speed at which a power's amplitude is given: a usual drag
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,11 @@ def _low_pass(theta: FloatArray, v: FloatArray) -> FloatArray:
     return np.stack([slow, np.ones_like(slow)], axis=2)
 
 
+def _power(theta: FloatArray, v: FloatArray) -> FloatArray:
+    falling = (np.maximum(v, AT_REST_MM_S) / SCALE_MM_S) ** -theta[:, :1]
+    return np.stack([falling, np.ones_like(falling)], axis=2)
+
+
 _PAIRS = np.array([(a, b) for i, a in enumerate(RATE_GRID) for b in RATE_GRID[i + 2 :]])
 _PLATEAUS = np.array([60.0, 80.0, 100.0, 125.0, 155.0, 190.0, 240.0])
 _RATES = (np.array([SLOWEST_RATE] * 2), np.array([FASTEST_RATE] * 2))
@@ -113,6 +120,16 @@ FORMS: dict[str, Form] = {
             np.geomspace(1.0, 2000.0, 24)[:, None],
             np.array([0.1]),
             np.array([2e4]),
+        ),
+        Form(
+            "power",
+            "power of the speed",
+            ("exponent",),
+            ("at_100_mm_s_ms", "l0_ms"),
+            _power,
+            np.geomspace(0.1, 2.0, 12)[:, None],
+            np.array([0.05]),
+            np.array([3.0]),
         ),
     )
 }

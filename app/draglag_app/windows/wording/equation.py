@@ -22,6 +22,7 @@ EQUATIONS = {
         ", u = max(v, v<sub>0</sub>)"
     ),
     "adaptive_low_pass": "L(v) = L<sub>0</sub> + b / 2π(v<sub>c</sub> + v)",
+    "power": "L(v) = L<sub>0</sub> + c (v / 100&nbsp;mm/s)<sup>−p</sup>",
 }
 
 
