@@ -98,6 +98,19 @@ def test_simple_forms_win_where_they_are_true() -> None:
     assert fit_best(points(TABLE_2[0], 3e-4)).form == "double_exponential"
 
 
+@pytest.mark.parametrize("exponent", [0.45, 0.8])
+def test_a_power_of_the_speed_is_found_and_ends_where_it_ends(exponent: float) -> None:
+    """Below its fastest runs it falls by another 10 ms, which no sum of exponentials follows."""
+    power_s = [0.021 + 0.031 * (speed / 100) ** -exponent for speed in (SPEEDS, 1e5)]
+    noisy = CurvePoints(SPEEDS, power_s[0] + 3e-4 * np.random.default_rng(2).standard_normal(16), np.full(16, 3e-4))
+    curve = fit_best(noisy)
+    assert curve.form == "power"
+    assert curve.parameters["exponent"] == pytest.approx(exponent, abs=2 * curve.half_intervals["exponent"])
+    low, high = curve.band_s(np.array([1e5]))
+    assert low[0] < power_s[1] < high[0]
+    assert np.isfinite(curve.predict_s(np.array([0.0]))).all()
+
+
 def test_a_speed_error_counts_where_the_curve_is_steep() -> None:
     given_points = points(TABLE_2[0], 3e-4)
     wide = replace(given_points, speed_se_mm_s=np.full(SPEEDS.size, 3.0))
