@@ -302,6 +302,21 @@ def test_stalls_are_reported(sound: Session) -> None:
     assert stalls(with_touch(sound, stalled))
 
 
+def test_a_busy_host_s_jitter_is_no_stall(sound: Session) -> None:
+    """Lateness of 0.4 ms with a long tail now and then passes for a pause and an event at once, at 300 a second."""
+    rng = np.random.default_rng(5)
+
+    def jittery(touch: TouchTrace) -> TouchTrace:
+        even_s = np.arange(touch.t_s[0], touch.t_s[-1], 1 / 300)
+        x, y = (np.interp(even_s, touch.t_s, v) for v in (touch.x_mm, touch.y_mm))
+        return TouchTrace(np.maximum.accumulate(even_s + rng.gamma(0.8, 4e-4, even_s.size)), x, y)
+
+    busy = with_touch(sound, jittery)
+    pauses = [np.diff(run.touch.t_s) for run in busy.runs]
+    assert sum(np.count_nonzero((p[:-1] > 6e-3) & (p[1:] < 0.8e-3)) for p in pauses) > 20
+    assert not stalls(busy)
+
+
 def test_the_jitter_of_a_fast_panel_s_host_is_no_stall(sound: Session) -> None:
     # 500 frames a second, one in a hundred 2 ms late and its next at once.
     def late(touch: TouchTrace) -> TouchTrace:
