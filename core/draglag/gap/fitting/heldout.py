@@ -108,9 +108,9 @@ def _gap_ratio(before: Fit, after: Fit) -> float:
     return gap_mm(after, both) / gap_mm(before, both)
 
 
-def squares_by_run(fit: Fit, edges: np.ndarray | None = None) -> dict[int, tuple[float, int]]:
+def squares_by_run(fit: Fit) -> dict[int, tuple[float, int]]:
     """Run → sum of squared held-out residuals, and their number."""
-    counted = _counted(fit, edges)
+    counted = _counted(fit, None)
     residual_mm, run = held_out_residual_mm(fit)[counted], fit.run_index[counted]
     return {int(k): (float(np.sum(residual_mm[run == k] ** 2)), int(np.sum(run == k))) for k in np.unique(run)}
 

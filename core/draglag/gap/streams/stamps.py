@@ -102,8 +102,8 @@ def _step_mm(values_mm: list[FloatArray]) -> float:
     step = float(np.median(spacing[np.abs(spacing - commonest) < WHOLE * commonest]))
     moved = np.abs(np.concatenate([np.diff(each) for each in values_mm])) / step
     moved = moved[(moved > WHOLE) & (moved < SMALL + 0.5)]
-    whole = np.abs(moved - np.round(moved)) < WHOLE
-    return step if step > FINEST_MM and whole.mean() > SHARE_WHOLE else 0.0
+    whole = int(np.count_nonzero(np.abs(moved - np.round(moved)) < WHOLE))
+    return step if step > FINEST_MM and whole > SHARE_WHOLE * moved.size else 0.0
 
 
 def repeats(touch: TouchTrace) -> np.ndarray:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from draglag.latency.conduct import Estimates
-from draglag.latency.estimate import CONSTANT_SPEED
+from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate
 from draglag.latency.run import estimate_run
-from draglag.recording import Session
+from draglag.recording import Run, Session
 
 SEARCHED_S = (-0.15, 0.45)  # latencies: a clock may be off. Physical
 PANELS_S = (0.0, 0.3)  # latencies of panels: as far as a median is beyond, the window moves. Physical
@@ -19,7 +19,7 @@ def searched(session: Session) -> Estimates:
 
     The window moves with the clocks: two that differ by 60 ppm are 0.2 s apart within an hour.
     """
-    found: dict[str, Estimates] = {}
+    found: dict[str, tuple[Run, RunEstimate]] = {}
     before: list[float] = []
     for run in sorted(session.runs, key=lambda run: run.start_s):
         if run.protocol not in CONSTANT_SPEED:
@@ -28,7 +28,7 @@ def searched(session: Session) -> Estimates:
         moved_s = usual_s - float(np.clip(usual_s, *PANELS_S))
         window_s = (SEARCHED_S[0] + moved_s, SEARCHED_S[1] + moved_s)
         estimate = estimate_run(run, session.stylus.diameter_mm, window_s=window_s)
-        found[run.id] = ((run, estimate),)
+        found[run.id] = run, estimate
         if estimate.latency_s is not None:
             before.append(estimate.latency_s)
-    return sum((found.get(run.id, ()) for run in session.runs), ())
+    return tuple(found[run.id] for run in session.runs if run.id in found)
