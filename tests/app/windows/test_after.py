@@ -16,6 +16,8 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDoubleSpinBox, QLabel, QWidget
 
+from draglag.curve import CurvePoints, fit_form
+from draglag.curve.forms import FORMS
 from draglag.errors import EstimateError
 from draglag.gap import close_gap
 from draglag.recording import empty_laser
@@ -27,6 +29,7 @@ from draglag_app.windows.pages import gap
 from draglag_app.windows.parts.recent_menu import MOST, remembered
 from draglag_app.windows.settings import load_settings
 from draglag_app.windows.window import OperatorWindow
+from draglag_app.windows.wording.equation import equation_html
 from draglag_app.windows.workspace import kept_comments
 
 
@@ -271,6 +274,16 @@ def test_the_session_leaves_in_every_form(opened: OperatorWindow, until: Callabl
     box = (written["figures"] / "latency-85mm.pdf").read_bytes().partition(b"/MediaBox [")[2].partition(b"]")[0].split()
     assert abs(float(box[2]) / 72 * 25.4 - 85.0) < 0.5
     assert not read_analyses(opened.space.path)  # nothing was written into the session
+
+
+@pytest.mark.parametrize("form", list(FORMS))
+def test_every_form_of_the_curve_has_its_equation(form: str) -> None:
+    speeds = np.geomspace(44, 1000, 16)
+    latency_s = 0.021 + 0.031 * (speeds / 100) ** -0.5
+    text = equation_html(fit_form(CurvePoints(speeds, latency_s, np.full(16, 3e-4)), form))
+    assert text.startswith("L")
+    assert text.count(" = ") >= len(FORMS[form].names)  # each coefficient with its value
+    assert " ," not in text.replace("\u00a0", " ").replace("&nbsp;", " ")  # a number without a unit ends with its error
 
 
 def test_the_equation_has_its_coefficients_with_matched_digits(opened: OperatorWindow) -> None:

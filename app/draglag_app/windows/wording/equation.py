@@ -31,6 +31,6 @@ def equation_html(curve: CurveFit) -> str:
     half, parts = curve.half_intervals, []
     for name, value in sorted(curve.parameters.items()):
         symbol, unit = symbol_html(escape(name))
-        unit = unit.replace("/", f"/{_JOINER}")
-        parts.append(f"{symbol} = {matched(value, half[name])}&nbsp;{unit}".replace(" ± ", "&nbsp;±&nbsp;"))
+        unit = f"&nbsp;{unit}".replace("/", f"/{_JOINER}") if unit else ""
+        parts.append(f"{symbol} = {matched(value, half[name])}{unit}".replace(" ± ", "&nbsp;±&nbsp;"))
     return " &nbsp; ".join(part for part in (EQUATIONS.get(curve.form, ""), ", ".join(parts)) if part)
