@@ -15,6 +15,7 @@ from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDoubleSpinBox, QLabel, QWidget
+from scipy import stats
 
 from draglag.curve import CurvePoints, fit_form
 from draglag.curve.forms import FORMS
@@ -290,8 +291,9 @@ def test_the_equation_has_its_coefficients_with_matched_digits(opened: OperatorW
     text, curve = opened.pages["results"][1].equation.text(), opened.space.analysis.curve
     assert text.startswith("L(v) = ")
     # As of all that the windows show: half a 95 % interval.
-    low_s, high_s = curve.band_s(np.array([1e6]))
-    asymptote = matched(1e3 * (low_s + high_s)[0] / 2, 1e3 * (high_s - low_s)[0] / 2)
+    name, value = list(curve.parameters.items())[-1]
+    reach = float(stats.t.ppf(0.975, curve.n_points - len(curve.parameters)))
+    asymptote = matched(value, reach * curve.standard_errors[name])
     assert f" = {asymptote}" in text.replace("&nbsp;±&nbsp;", " ± ")
     assert matched(123.456, 1.23) == "123.5 ± 1.2"
     assert matched(0.018143, 0.00085) == "0.01814 ± 0.00085"
