@@ -302,6 +302,29 @@ def test_stalls_are_reported(sound: Session) -> None:
     assert stalls(with_touch(sound, stalled))
 
 
+def test_positions_that_stand_still_and_leap_are_a_stall(sound: Session) -> None:
+    def frozen(touch: TouchTrace) -> TouchTrace:
+        x, y = touch.x_mm.copy(), touch.y_mm.copy()
+        for start in np.arange(touch.t_s[0] + 1, touch.t_s[-1] - 1, 2.0):  # 30 a minute, 80 ms each
+            held = np.flatnonzero((touch.t_s >= start) & (touch.t_s < start + 0.08))
+            x[held], y[held] = x[held[0]], y[held[0]]
+        return replace(touch, x_mm=x, y_mm=y)
+
+    assert stalls(with_touch(sound, frozen))
+
+
+def test_a_hand_that_rests_is_no_stall(sound: Session) -> None:
+    """Without noise all positions of a rest are alike, and the first step out of it is a usual one."""
+
+    def resting(touch: TouchTrace) -> TouchTrace:
+        since_s = touch.t_s - touch.t_s[0]
+        moving_s = touch.t_s[0] + 5.7 * (since_s // 6) + np.minimum(since_s % 6, 5.7)  # rests of 0.3 s
+        x, y = (np.interp(moving_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
+        return in_steps(replace(touch, x_mm=x, y_mm=y), 0.1)
+
+    assert not stalls(with_touch(sound, resting))
+
+
 def test_a_busy_host_s_jitter_is_no_stall(sound: Session) -> None:
     """Lateness of 0.4 ms with a long tail now and then passes for a pause and an event at once, at 300 a second."""
     rng = np.random.default_rng(5)

@@ -1,4 +1,4 @@
-"""Stalls: the host delays events and delivers them at once."""
+"""Stalls: events that a host delays and delivers at once, or positions that stand still and leap."""
 
 from __future__ import annotations
 
@@ -6,21 +6,27 @@ import numpy as np
 
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.streams.evidence import FEWEST
+from draglag.gap.streams.stamps import OF_STEPS, resolution_mm, stood
+from draglag.latency.estimate import CONSTANT_SPEED
 from draglag.recording import FloatArray, Session, TouchTrace
 
 FOLLOWS = "frame"
 HELD, AT_ONCE = 1.8, 0.25  # of the frames' interval: a pause of nearly two, and the next event at once. Derived
+MADE_UP = 0.5  # of the way that the next step's speed makes while positions stand still. Derived
 AVERAGED = 9  # events, of the narrowest window in which a position is fitted. Derived
 
 
 def stalls(session: Session) -> bool:
-    """Whether events that a host held back and delivered at once move positions by a size of interest, RMS."""
-    moved = [_moved_mm2(run.touch) for run in session.runs if run.touch.t_s.size > FEWEST]
-    return bool(moved) and float(np.sqrt(np.mean(np.concatenate(moved)))) > SIZE_OF_INTEREST_MM
+    """Whether what a host or a panel held back moves positions of steady runs by a size of interest, RMS."""
+    steady = [run.touch for run in session.runs if run.protocol in CONSTANT_SPEED]
+    touches = [touch for touch in steady if touch.t_s.size > FEWEST]
+    step_mm = resolution_mm(touches) if touches else 0.0
+    moved = [_delayed_mm(touch) + _stood_mm(touch, step_mm) for touch in touches]
+    return bool(moved) and float(np.sqrt(np.mean(np.concatenate(moved) ** 2))) > SIZE_OF_INTEREST_MM
 
 
-def _moved_mm2(touch: TouchTrace) -> FloatArray:
-    """Squares of the distances that events lie behind the stylus, means as of a position."""
+def _delayed_mm(touch: TouchTrace) -> FloatArray:
+    """How far events lie behind the stylus for they were delivered late, (n,), means as of a position."""
     dt_s = np.diff(touch.t_s)
     frame_s = float(np.median(dt_s))
     paused = np.flatnonzero((dt_s[:-1] > HELD * frame_s) & (dt_s[1:] < AT_ONCE * frame_s))
@@ -30,4 +36,19 @@ def _moved_mm2(touch: TouchTrace) -> FloatArray:
         each_s = np.arange(dt_s[k] - frame_s, 0, -frame_s)[: touch.t_s.size - k - 1]
         late_s[k + 1 : k + 1 + each_s.size] = each_s
     speed_mm_s = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm)).sum() / (touch.t_s[-1] - touch.t_s[0])
-    return np.asarray((speed_mm_s * np.convolve(late_s, np.full(AVERAGED, 1 / AVERAGED), "same")) ** 2)
+    return _as_fitted(speed_mm_s * late_s)
+
+
+def _stood_mm(touch: TouchTrace, step_mm: float) -> FloatArray:
+    """How far events lie behind the stylus for they repeat a position, (n,), means as of a position."""
+    events, begin, end, behind_mm = stood(touch)
+    steps_mm = np.append(np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm)), np.inf)
+    # Out of a rest the first step is a usual one; what stood still while the stylus moved makes up for all that time.
+    made_up = steps_mm[end - 1] > MADE_UP * (end - begin) * steps_mm[end]
+    out = np.zeros(touch.t_s.size)
+    out[events] = np.where(made_up & (steps_mm[end - 1] > OF_STEPS * step_mm), behind_mm, 0.0)
+    return _as_fitted(out)
+
+
+def _as_fitted(values: FloatArray) -> FloatArray:
+    return np.convolve(values, np.full(AVERAGED, 1 / AVERAGED), "same")

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from draglag.recording import FloatArray, Session, TouchTrace
+from draglag.recording import FloatArray, IntArray, Session, TouchTrace
 
 FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere. Derived: 8 ms are 0.6 mm
 CROWDED = 0.01  # of the stamps, that the one before is like: more than accidents make. Judgement
@@ -20,6 +20,7 @@ FINEST_MM = 5e-4  # finer steps are those of a file's decimals. Physical
 ROUNDED_MM = 1e-5  # coordinates that differ by less are alike but for arithmetic. Derived
 SMALL = 4  # steps between two events at which it shows whether they are whole. Derived
 WHOLE, SHARE_WHOLE = 0.1, 0.5  # of a step; of the distances, for fills may have any: by chance a fifth. Judgement
+OF_STEPS = 2.5  # steps of whole coordinates, below which those alone make positions stand still. Derived
 Found = TypeVar("Found")
 
 
@@ -109,6 +110,18 @@ def _step_mm(values_mm: list[FloatArray]) -> float:
 def repeats(touch: TouchTrace) -> np.ndarray:
     """Whether each event repeats the position before, (n − 1,)."""
     return np.asarray((np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0))
+
+
+def stood(touch: TouchTrace) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Events (k,) that repeat the position before, the event before and the one after each that do not, and how far the
+    stylus has gone meanwhile on a straight line between these, mm."""
+    moved_mm = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
+    fresh = np.flatnonzero(np.append(True, moved_mm > 0))
+    events = np.setdiff1d(np.arange(fresh[-1]), fresh)  # nobody knows where the last ones went
+    last = np.searchsorted(fresh, events, side="right") - 1
+    begin, end = fresh[last], fresh[last + 1]
+    share = (touch.t_s[events] - touch.t_s[begin]) / np.maximum(touch.t_s[end] - touch.t_s[begin], 1e-9)
+    return events, begin, end, np.asarray(share * moved_mm[end - 1])
 
 
 def first_of_repeats(touch: TouchTrace) -> TouchTrace:

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from draglag.gap.streams.stamps import FINEST_MM, StreamEffect, Streams, first_of_repeats
+from draglag.gap.streams.stamps import FINEST_MM, OF_STEPS, StreamEffect, Streams, first_of_repeats, stood
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.simulation.effects.deadband import JUMP, Deadband
 
 NARROWEST_MM, WIDEST_MM = 0.05, 1.5  # half of the former is 0.6 ms at 45 mm/s
-OF_STEPS = 2.5  # steps of whole coordinates, below which those alone make positions stand still
 OFF_PATH_MM = (0.02, 0.04, 0.08, 0.16)  # by how much a stylus may lie off the straight way between two jumps
 ROUNDED = 0.41  # standard deviation of a difference of two rounded coordinates, in steps
 UNSURE = 0.5  # of a step of whole coordinates: rounding is no normal scatter
@@ -39,7 +38,7 @@ def deadband_in(streams: Streams) -> StreamEffect | None:
 
 def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:
     """Jump deadband, if likelier than random repeats. step_mm: of quantised coordinates."""
-    runs = [_stood_and_moved(touch) for touch in touches]
+    runs = [_behind_and_steps(touch) for touch in touches]
     stood, moved = (np.concatenate(each) for each in zip(*runs, strict=True))
     moved = np.sort(moved)
     if not stood.size or not moved.size:
@@ -76,15 +75,11 @@ def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffec
     )
 
 
-def _stood_and_moved(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
+def _behind_and_steps(touch: TouchTrace) -> tuple[FloatArray, FloatArray]:
     """Distances of repeated positions from the stylus; lengths of steps."""
-    step = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
-    fresh = np.flatnonzero(np.append(True, step > 0))
-    repeats = np.setdiff1d(np.arange(fresh[-1]), fresh)  # nobody knows where the last ones went
-    last = np.searchsorted(fresh, repeats, side="right") - 1
-    begin, end = fresh[last], fresh[last + 1]
-    share = (touch.t_s[repeats] - touch.t_s[begin]) / np.maximum(touch.t_s[end] - touch.t_s[begin], 1e-9)
-    return share * step[end - 1], step[step > 0]
+    *_, behind_mm = stood(touch)
+    step_mm = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
+    return behind_mm, step_mm[step_mm > 0]
 
 
 def _of_share(stood: int, moved: int) -> float:
