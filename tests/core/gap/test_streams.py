@@ -313,6 +313,20 @@ def test_positions_that_stand_still_and_leap_are_a_stall(sound: Session) -> None
     assert stalls(with_touch(sound, frozen))
 
 
+def test_positions_that_all_are_reported_twice_or_belong_to_another_contact_are_no_stall(sound: Session) -> None:
+    """Frames of a second contact repeat the position of the first; where a contact lands, the one before has ended."""
+
+    def of_two(touch: TouchTrace) -> TouchTrace:
+        t_s = np.sort(np.concatenate([touch.t_s, touch.t_s + 0.003]))
+        x, y = (np.repeat(v, 2) for v in (touch.x_mm, touch.y_mm))
+        contact = np.repeat(np.arange(touch.t_s.size) // 300, 2)
+        last = np.append(np.diff(contact) != 0, False) | np.append(np.diff(contact, n=2) != 0, [False, False])
+        x[np.flatnonzero(last)], y[np.flatnonzero(last)] = 20.0, 20.0  # two events at rest before it is lifted
+        return TouchTrace(t_s, x, y, contact)
+
+    assert not stalls(with_touch(sound, of_two))
+
+
 def test_a_hand_that_rests_is_no_stall(sound: Session) -> None:
     """Without noise all positions of a rest are alike, and the first step out of it is a usual one."""
 

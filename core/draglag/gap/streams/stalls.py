@@ -6,13 +6,13 @@ import numpy as np
 
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.streams.evidence import FEWEST
-from draglag.gap.streams.stamps import OF_STEPS, resolution_mm, stood
+from draglag.gap.streams.stamps import OF_STEPS, repeats, resolution_mm, stood
 from draglag.latency.estimate import CONSTANT_SPEED
 from draglag.recording import FloatArray, Session, TouchTrace
 
 FOLLOWS = "frame"
-HELD, AT_ONCE = 1.8, 0.25  # of the frames' interval: a pause of nearly two, and the next event at once. Derived
-MADE_UP = 0.5  # of the way that the next step's speed makes while positions stand still. Derived
+HELD, AT_ONCE = 1.8, 0.25  # of the usual interval: a pause of nearly two, and the next event at once. Derived
+MADE_UP = 0.5  # of the next step's speed, that a leap has over all the time that positions stood still. Derived
 AVERAGED = 9  # events, of the narrowest window in which a position is fitted. Derived
 
 
@@ -40,13 +40,20 @@ def _delayed_mm(touch: TouchTrace) -> FloatArray:
 
 
 def _stood_mm(touch: TouchTrace, step_mm: float) -> FloatArray:
-    """How far events lie behind the stylus for they repeat a position, (n,), means as of a position."""
-    events, begin, end, behind_mm = stood(touch)
-    steps_mm = np.append(np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm)), np.inf)
+    """How far events lie behind the stylus for they repeat a position unusually long, (n,), means as of a position."""
+    fresh = np.flatnonzero(np.append(True, ~repeats(touch)))
+    after_s = np.diff(touch.t_s[fresh])
+    leap_mm = np.hypot(np.diff(touch.x_mm[fresh]), np.diff(touch.y_mm[fresh]))
+    speed_mm_s = leap_mm / np.maximum(after_s, 1e-9)
     # Out of a rest the first step is a usual one; what stood still while the stylus moved makes up for all that time.
-    made_up = steps_mm[end - 1] > MADE_UP * (end - begin) * steps_mm[end]
+    held = (np.diff(fresh) > 1) & (after_s > HELD * np.median(after_s)) if after_s.size else np.zeros(0, bool)
+    held &= speed_mm_s > MADE_UP * np.append(speed_mm_s[1:], np.inf)[: held.size]
+    held &= leap_mm > OF_STEPS * step_mm
+    if touch.contact_id.size == touch.t_s.size:
+        held &= np.diff(touch.contact_id[fresh]) == 0  # another contact lies elsewhere
+    events, begin, behind_mm = stood(touch)
     out = np.zeros(touch.t_s.size)
-    out[events] = np.where(made_up & (steps_mm[end - 1] > OF_STEPS * step_mm), behind_mm, 0.0)
+    out[events] = np.where(held[np.searchsorted(fresh, begin)], behind_mm, 0.0) if events.size else 0.0
     return _as_fitted(out)
 
 

@@ -112,16 +112,16 @@ def repeats(touch: TouchTrace) -> np.ndarray:
     return np.asarray((np.diff(touch.x_mm) == 0) & (np.diff(touch.y_mm) == 0))
 
 
-def stood(touch: TouchTrace) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Events (k,) that repeat the position before, the event before and the one after each that do not, and how far the
-    stylus has gone meanwhile on a straight line between these, mm."""
-    moved_mm = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm))
-    fresh = np.flatnonzero(np.append(True, moved_mm > 0))
+def stood(touch: TouchTrace) -> tuple[IntArray, IntArray, FloatArray]:
+    """Events (k,) that repeat the position before, the event that each repeats, and how far the stylus has gone
+    meanwhile on a straight line to the next position, mm."""
+    fresh = np.flatnonzero(np.append(True, ~repeats(touch)))
     events = np.setdiff1d(np.arange(fresh[-1]), fresh)  # nobody knows where the last ones went
     last = np.searchsorted(fresh, events, side="right") - 1
     begin, end = fresh[last], fresh[last + 1]
     share = (touch.t_s[events] - touch.t_s[begin]) / np.maximum(touch.t_s[end] - touch.t_s[begin], 1e-9)
-    return events, begin, end, np.asarray(share * moved_mm[end - 1])
+    leap_mm = np.hypot(touch.x_mm[end] - touch.x_mm[begin], touch.y_mm[end] - touch.y_mm[begin])
+    return events, begin, np.asarray(share * leap_mm)
 
 
 def first_of_repeats(touch: TouchTrace) -> TouchTrace:
