@@ -26,7 +26,7 @@ from draglag.simulation.effects.speed_adaptive_filter.filtering import (
     filtered,
     unfiltered,
 )
-from draglag.simulation.effects.speed_adaptive_filter.refits import refits
+from draglag.simulation.effects.speed_adaptive_filter.refits import LEAST_SHARE, refits, shown_share
 
 SETTINGS = [Setting(0.6, 0.01), Setting(1.0, 0.02), Setting(1.5, 0.05)]
 FMIN_HZ, BETA_PER_MM = 1.0, 0.02
@@ -120,6 +120,26 @@ def test_a_filter_is_seen_next_to_a_stronger_effect_that_is_not_fitted() -> None
     session, fit = begun(effect, "direction_asymmetry=0.006")
     (found,) = refits(session, fit, ())
     assert gained_nats(fit, found) > GIVEN_UP
+    assert share_of_columns(effect, "direction_asymmetry=0.006") > 2 * LEAST_SHARE
+
+
+def share_of_columns(*effects: str) -> float:
+    """Of a filter's columns at the setting that shows the most of them, on circles of 15 s."""
+    _, fit = begun(*effects)
+    return max(shown_share(fit, setting) for setting in SETTINGS_TRIED)
+
+
+@pytest.mark.parametrize("logs", [(-1.0, -1.0), (0.0, 0.0), (1.0, -1.0), (1.5, 1.5)])
+def test_a_filter_of_any_screen_is_there_as_a_whole(logs: tuple[float, float]) -> None:
+    # Two standard deviations among screens in either direction, and about the quickest that is looked for.
+    setting = Setting(FMIN_HZ, BETA_PER_MM).moved(np.array(logs))
+    effect = f"speed_adaptive_filter={setting.fmin_hz},beta_per_mm={setting.beta_per_mm}"
+    assert share_of_columns(effect) > 2 * LEAST_SHARE
+
+
+@pytest.mark.parametrize("effects", [(), ("beam_width=0.3",), ("spatial_warp=0.3",), ("scan_skew=0.01",)])
+def test_of_other_effects_a_smaller_share_is_seen(effects: tuple[str, ...]) -> None:
+    assert share_of_columns(*effects) < LEAST_SHARE
 
 
 @pytest.mark.parametrize("effects", [(), ("beam_width=0.3",), ("spatial_warp=0.3",), ("scan_skew=0.01",)])
