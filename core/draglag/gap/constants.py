@@ -130,6 +130,11 @@ SHRINKS_BY = 0.02
 """Share by which the RMS on held-out runs must fall before a gap has shrunk. Judgement: a fiftieth is what a session's
 own scatter moves it by."""
 
+GROWS_BY = 0.08
+"""Share by which that RMS may grow where held-out runs are predicted better: it hangs on single fast runs. Calibrated:
+right effects of 616 kept sessions of three generators, and of the tests, grow it by up to 5.5 %, wrong ones by 10 to
+73 %."""
+
 PREDICTS_NATS = 3.0
 """nats of log predictive density on held-out runs from which on a model predicts them better; of log-likelihood that a
 change by hand must gain before it is reported to shrink the gap. Derived: a ratio of 20."""

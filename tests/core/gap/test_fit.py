@@ -14,9 +14,9 @@ from core import sound_sessions
 from draglag.errors import EstimateError
 from draglag.exchange import read_exchange
 from draglag.gap import GapReport, close_gap
-from draglag.gap.constants import GIVEN_UP, PREDICTS_NATS, PROMISING
-from draglag.gap.fitting import joint
-from draglag.gap.fitting.heldout import IN_EVERY_FIT, folds, gap_mm, predictive_gain, shrinks_or_predicts
+from draglag.gap.constants import GIVEN_UP, GROWS_BY, PREDICTS_NATS, PROMISING
+from draglag.gap.fitting import heldout, joint
+from draglag.gap.fitting.heldout import gap_mm
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
 from draglag.gap.fitting.likelihood import Downhill, cost_without_nuisances, downhill
 from draglag.gap.fitting.model import LawParameters
@@ -304,13 +304,15 @@ def test_a_lagging_law_is_refitted_unless_every_delay_is_far_less_likely(
     assert bool(asked) is made
 
 
-def test_a_fit_that_predicts_better_but_misses_fast_runs_by_more_is_no_better(plain: tuple[Session, Fit]) -> None:
-    """Most runs are predicted better by far; one fast run carries most of the RMS."""
+@pytest.mark.parametrize(("by", "no_worse"), [(1.0, True), (2.4, True), (2.5, False)])
+def test_what_misses_a_fast_run_by_more_is_no_better_whatever_it_predicts(
+    plain: tuple[Session, Fit], monkeypatch: pytest.MonkeyPatch, by: float, no_worse: bool
+) -> None:
+    """All other runs are missed by a third; the RMS, mostly of the fast run, is 0.6, 1.07 and 1.11 of before."""
+    monkeypatch.setattr(heldout, "predictive_gain", lambda before, after: 100 * PREDICTS_NATS)
     before = plain[1]
     nominal_mm_s = np.array([data.run.nominal_speed_mm_s for data in before.runs])[before.run_index]
-    fast = nominal_mm_s == nominal_mm_s[folds(before) != IN_EVERY_FIT].max()
-    after = replace(before, residual_mm=before.residual_mm * np.where(fast, 2.3, 0.3))
-    assert gap_mm(after) > 1.02 * gap_mm(before)
-    assert predictive_gain(before, after) > PREDICTS_NATS
-    assert not shrinks_or_predicts(before, after)
-    assert shrinks_or_predicts(before, replace(before, residual_mm=before.residual_mm * np.where(fast, 1.0, 0.3)))
+    fast = nominal_mm_s == nominal_mm_s[heldout.folds(before) != heldout.IN_EVERY_FIT].max()
+    after = replace(before, residual_mm=before.residual_mm * np.where(fast, by, 0.3))
+    assert (gap_mm(after) < (1 + GROWS_BY) * gap_mm(before)) == no_worse
+    assert heldout.shrinks_or_predicts(before, after) == no_worse

@@ -35,6 +35,7 @@ from draglag_app.windows.workspace import Workspace
 _FILTER_PX = 260
 _LETTERS = 9  # of a choice, at least
 _RATES = (None, 60.0, 100.0, 120.0, 200.0)
+_ALTERNATIVES = 4  # of the curve, likeliest first: colours, and names that a small window has room for
 
 
 class ResultsPage(QWidget):
@@ -294,7 +295,7 @@ class ResultsPage(QWidget):
                         made.append(fit_form(points, name))
                 except EstimateError:
                     continue
-            return made
+            return sorted(made, key=lambda fit: fit.aicc)[:_ALTERNATIVES]
 
         def done(alternatives: list[CurveFit]) -> None:
             self._alternatives = alternatives

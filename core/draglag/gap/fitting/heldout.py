@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.gap.constants import LEAST_PRECISION, PREDICTS_NATS, SHRINKS_BY
+from draglag.gap.constants import GROWS_BY, LEAST_PRECISION, PREDICTS_NATS, SHRINKS_BY
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.fitting.noise import scatter
 from draglag.gap.fitting.whitening import whitener
@@ -98,9 +98,9 @@ def shrinks(before: Fit, after: Fit) -> bool:
 
 
 def shrinks_or_predicts(before: Fit, after: Fit) -> bool:
-    """Whether held-out RMS falls, or prediction improves while the RMS grows by no more than ``SHRINKS_BY``."""
+    """Whether held-out RMS falls, or prediction improves while the RMS grows by no more than ``GROWS_BY``."""
     ratio = _gap_ratio(before, after)
-    return ratio < 1 - SHRINKS_BY or (ratio < 1 + SHRINKS_BY and predictive_gain(before, after) > PREDICTS_NATS)
+    return ratio < 1 - SHRINKS_BY or (ratio < 1 + GROWS_BY and predictive_gain(before, after) > PREDICTS_NATS)
 
 
 def _gap_ratio(before: Fit, after: Fit) -> float:
