@@ -87,14 +87,17 @@ def test_a_step_keeps_what_it_promises(damping: float, without_its_drift: Fit) -
     assert down.cost - cost_without_nuisances(white, there, use) == pytest.approx(promised, rel=1e-3)
 
 
-def test_a_fit_that_begins_where_it_ended_stays_there() -> None:
+@pytest.mark.parametrize(("there", "within"), [(False, 0.1), (True, 0.01)], ids=["without the filter", "with it"])
+def test_a_fit_that_begins_where_it_ended_stays_there(plain: tuple[Session, Fit], there: bool, within: float) -> None:
     """A size with a prior is drawn back by it, or it would creep on with every step."""
-    session = simulated(f"speed_adaptive_filter={USUAL.fmin_hz},beta_per_mm={USUAL.beta_per_mm}")
-    base = fit_session(session, gather(session))
+    session, base = plain
+    if there:
+        session = simulated(f"speed_adaptive_filter={USUAL.fmin_hz},beta_per_mm={USUAL.beta_per_mm}")
+        base = fit_session(session, gather(session))
     term = Term(SpeedAdaptiveFilter.id, USUAL, (0.0, 0.0))
     ended = fit_session(session, base.runs, [term], start=base, law=base.law)
     again = fit_session(session, base.runs, ended.terms, start=base, law=ended.law)
-    assert again.terms[0].sizes == pytest.approx(ended.terms[0].sizes, abs=0.01 * SpeedAdaptiveFilter.prior_sd)
+    assert again.terms[0].sizes == pytest.approx(ended.terms[0].sizes, abs=within * SpeedAdaptiveFilter.prior_sd)
 
 
 def step_at_the_end_of(fit: Fit) -> tuple[FloatArray, float]:

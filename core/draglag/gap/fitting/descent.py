@@ -87,16 +87,15 @@ def descended(session: Session, runs: tuple[RunData, ...], search: Search, fixed
 
 def lowered(runs: tuple[RunData, ...], search: Search, width_mm: float) -> Search:
     """Search converged under its weights; the same object if no step promises anything."""
-    damping, least = 0.0, ROUGHLY
+    damping = 0.0
     for _ in range(STEPS):
-        found = _next(search.state, search.white, search.use, runs, width_mm, damping, least)
+        found = _next(search.state, search.white, search.use, runs, width_mm, damping, ENOUGH)
         if found is None:
             break
         state, strayed, gained, damping = found
         search = search.moved(runs, state, strayed)
         if gained < ENOUGH:
             break
-        least = ENOUGH
     return search
 
 

@@ -41,19 +41,20 @@ def _delayed_mm(touch: TouchTrace) -> FloatArray:
 
 def _stood_mm(touch: TouchTrace, step_mm: float) -> FloatArray:
     """How far events lie behind the stylus for they repeat a position unusually long, (n,), means as of a position."""
-    fresh = np.flatnonzero(np.append(True, ~repeats(touch)))
+    fresh, out = np.flatnonzero(np.append(True, ~repeats(touch))), np.zeros(touch.t_s.size)
+    events, begin, behind_mm = stood(touch)
+    if not events.size:
+        return out
     after_s = np.diff(touch.t_s[fresh])
     leap_mm = np.hypot(np.diff(touch.x_mm[fresh]), np.diff(touch.y_mm[fresh]))
     speed_mm_s = leap_mm / np.maximum(after_s, 1e-9)
     # Out of a rest the first step is a usual one; what stood still while the stylus moved makes up for all that time.
-    held = (np.diff(fresh) > 1) & (after_s > HELD * np.median(after_s)) if after_s.size else np.zeros(0, bool)
-    held &= speed_mm_s > MADE_UP * np.append(speed_mm_s[1:], np.inf)[: held.size]
+    held = speed_mm_s > MADE_UP * np.append(speed_mm_s[1:], np.inf)
+    held &= after_s > HELD * np.median(after_s)
     held &= leap_mm > OF_STEPS * step_mm
     if touch.contact_id.size == touch.t_s.size:
         held &= np.diff(touch.contact_id[fresh]) == 0  # another contact lies elsewhere
-    events, begin, behind_mm = stood(touch)
-    out = np.zeros(touch.t_s.size)
-    out[events] = np.where(held[np.searchsorted(fresh, begin)], behind_mm, 0.0) if events.size else 0.0
+    out[events] = np.where(held[np.searchsorted(fresh, begin)], behind_mm, 0.0)
     return _as_fitted(out)
 
 
