@@ -111,6 +111,18 @@ def test_a_lost_contact_is_seen_behind_a_deadband(sound: Session) -> None:
     assert found["loss_of_contact"].value == pytest.approx(20, rel=0.35)
 
 
+@pytest.mark.parametrize(("loop_hz", "step_mm"), [(100, 0.1), (83, 0.25)])
+def test_a_loop_that_holds_positions_in_whole_steps_loses_no_contact(
+    sound: Session, loop_hz: int, step_mm: float
+) -> None:
+    """Held positions lie on a line as often as three whole ones do."""
+
+    def held(touch: TouchTrace) -> TouchTrace:
+        return after(rounded(at_rate(touch, 60, 5e-4), step_mm), f"sample_hold={loop_hz}")
+
+    assert [item.effect for item in inspect(with_touch(sound, held))[0]] == ["sample_hold"]
+
+
 def test_a_stylus_that_rests_behind_a_backlash_loses_no_contact(sound: Session) -> None:
     """Its positions stand still for many events: a line without a length, of whole steps."""
 
