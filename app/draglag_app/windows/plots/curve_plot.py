@@ -15,7 +15,8 @@ from draglag_app.windows.plots.plot_values import Column
 from draglag_app.windows.wording import words
 
 SYMBOLS = ("o", "s", "t", "d", "x")
-_FOR_NAME = 0.1  # more height, of that of the runs, for an alternative's name in the legend
+_AROUND_PX = 30  # from the legend to the corner, and half a point of a run
+_LEAST_BELOW = 0.1  # of the height: a plot that is lower than its legend shows no runs below it
 
 
 class CurvePlot(Plot):
@@ -67,7 +68,7 @@ class CurvePlot(Plot):
             if chosen:
                 self._runs(name, chosen, symbol, colour, clicked)
         if good:
-            self._fit_ranges(good, out, len(alternatives))
+            self._fit_ranges(good, out)
 
     def _draw_alternatives(self, alternatives: tuple[CurveFit, ...]) -> None:
         colours = (theme().green, theme().purple, theme().sky, theme().orange)
@@ -76,17 +77,31 @@ class CurvePlot(Plot):
             latency_ms = self._less_base_ms(speed, alternative.predict_s(speed))
             self.line(words.form_name(alternative.form), speed, latency_ms, colours[k % 4], 1.5, dash=True)
 
-    def _fit_ranges(self, good: list[RunEstimate], out: set[str], alternatives: int) -> None:
+    def _fit_ranges(self, good: list[RunEstimate], out: set[str]) -> None:
         # The margin below is for the labels of zero.
-        self.setXRange(0, 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good)), padding=0.02)
+        fastest_mm_s = 1.05 * max(200.0, *(e.speed_mm_s or 0.0 for e in good))
+        self.setXRange(0, fastest_mm_s, padding=0.02)
         if self._base is None:
-            above = 1.15 + _FOR_NAME * alternatives
-            self.setYRange(0, above * max(50.0, *(1e3 * (e.latency_s or 0.0) for e in good)), padding=0.03)
+            above = 1.15 * max(50.0, *(1e3 * (e.latency_s or 0.0) for e in good))
+            self.setYRange(0, max(above, self._top_below_legend_ms(good, fastest_mm_s)), padding=0.03)
             return
         kept = [e for e in good if e.id not in out] or good
         reach = [np.abs(self._less_base_ms(e.speed_mm_s, e.latency_s)) + _half_ms(e) for e in kept]
         most_ms = 1.1 * float(np.nanmax([*np.ravel(reach), 1e-3]))
         self.setYRange(-most_ms, most_ms, padding=0)
+
+    def _top_below_legend_ms(self, good: list[RunEstimate], fastest_mm_s: float) -> float:
+        """Upper end of the range with which the legend, in the upper right corner, covers no run."""
+        if self.legend is None:
+            return 0.0
+        view, box = self.getPlotItem().vb.boundingRect(), self.legend.boundingRect()
+        left, below = (
+            1 - (size + _AROUND_PX) / max(whole, 1.0)
+            for size, whole in ((box.width(), view.width()), (box.height(), view.height()))
+        )
+        fast = [e for e in good if (e.speed_mm_s or 0.0) > left * fastest_mm_s]
+        highest_ms = max((1e3 * (e.latency_s or 0.0) + float(_half_ms(e)) for e in fast), default=0.0)
+        return highest_ms / float(max(below, _LEAST_BELOW))
 
     def _less_base_ms(self, speed_mm_s: Column | float | None, latency_s: Column | float | None) -> np.ndarray:
         latency = np.asarray(latency_s, float)
