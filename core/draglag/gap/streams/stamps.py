@@ -115,8 +115,9 @@ def repeats(touch: TouchTrace) -> np.ndarray:
 def stood(touch: TouchTrace) -> tuple[IntArray, IntArray, FloatArray]:
     """Events (k,) that repeat the position before, the event that each repeats, and how far the stylus has gone
     meanwhile on a straight line to the next position, mm."""
-    fresh = np.flatnonzero(np.append(True, ~repeats(touch)))
-    events = np.setdiff1d(np.arange(fresh[-1]), fresh)  # nobody knows where the last ones went
+    again = np.append(False, repeats(touch))
+    fresh = np.flatnonzero(~again)
+    events = np.flatnonzero(again[: fresh[-1]])  # nobody knows where the last ones went
     last = np.searchsorted(fresh, events, side="right") - 1
     begin, end = fresh[last], fresh[last + 1]
     share = (touch.t_s[events] - touch.t_s[begin]) / np.maximum(touch.t_s[end] - touch.t_s[begin], 1e-9)

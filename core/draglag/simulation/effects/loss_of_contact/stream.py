@@ -189,9 +189,11 @@ def _usual_at_speed(touches: list[TouchTrace]) -> dict[int, FloatArray]:
         return {}
     all_speeds, all_bends = np.concatenate(list(speeds.values())), np.concatenate(list(bends.values()))
     limits = np.quantile(all_speeds, np.linspace(0, 1, SPEEDS + 1)[1:-1])
-    of_speed = np.digitize(all_speeds, limits)
-    level = np.array([np.nanquantile(np.append(all_bends[of_speed == k], LARGE_MM2), QUANTILE)
-                      for k in range(SPEEDS)])  # fmt: skip
+    known = ~np.isnan(all_bends)
+    of_speed, bends_known = np.digitize(all_speeds[known], limits), all_bends[known]
+    ends = np.cumsum(np.bincount(of_speed, minlength=SPEEDS))
+    by_speed = np.split(bends_known[np.argsort(of_speed, kind="stable")], ends[:-1])
+    level = np.array([np.quantile(np.append(own, LARGE_MM2), QUANTILE) for own in by_speed])
     level = minimum_filter1d(level, NEIGHBOURS)
     return {index: level[np.digitize(speed, limits)] for index, speed in speeds.items()}
 
@@ -213,14 +215,17 @@ def _likelier_lines(
     gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
     gain *= INDEPENDENT * even
     enough = np.log(n_events / BY_CHANCE)
-    lines = np.zeros(gain.size, bool)
-    total, start, top, end = 0.0, 0, 0.0, 0
-    for k, more in enumerate(np.append(gain, -np.inf)):
-        total += more
-        if total > top:
-            top, end = total, k
-        if total <= 0 or total < top - enough:
-            if top > enough:
-                lines[start : end + 1] = True
-            total, start, top = 0.0, k + 1, 0.0
+    lines, more, begun = np.zeros(gain.size, bool), gain.tolist(), 0
+    for start in np.flatnonzero(gain > 0).tolist():
+        if start < begun:
+            continue
+        total = top = 0.0
+        end = k = start
+        while k < len(more) and (total := total + more[k]) > 0.0 and total >= top - enough:
+            if total > top:
+                top, end = total, k
+            k += 1
+        if top > enough:
+            lines[start : end + 1] = True
+        begun = k + 1
     return lines

@@ -111,7 +111,7 @@ def _frames(tick: IntArray, frame: float) -> FloatArray:
     count, begun = [0], 0.0
     for now in (tick - tick[0]).tolist():
         waited = now - begun - frame * (count[-1] + 1)
-        missing = max(int(np.ceil((waited - 1 - EARLY) / frame)), 0)
+        missing = max(math.ceil((waited - 1 - EARLY) / frame), 0)
         waited -= missing * frame
         count.append(count[-1] + 1 + missing)
         begun += FOLLOWED * (min(waited, 0.0) + max(waited - 1, 0.0))  # the panel's clock wanders
@@ -123,9 +123,12 @@ def _grids(touches: Sequence[TouchTrace]) -> list[_Grid]:
     apart_s = np.concatenate([np.diff(touch.t_s) for touch in touches])
     usual_s = float(np.mean(apart_s))
     apart_s = apart_s[(apart_s > 0.25 * usual_s) & (apart_s < 6 * usual_s)]
-    best, smallest = [], MAX_SCATTER
-    for parts in range(1, FINEST + 1 if apart_s.size > 50 else 0):
-        period_s = float(np.median(apart_s)) / parts
+    if apart_s.size <= 50:
+        return []
+    best: list[_Grid] = []
+    smallest, median_s = MAX_SCATTER, float(np.median(apart_s))
+    for parts in range(1, FINEST + 1):
+        period_s = median_s / parts
         for _ in range(3):
             whole = np.maximum(np.round(apart_s / period_s), 1)
             near = np.abs(apart_s - whole * period_s) < 0.25 * period_s
@@ -219,19 +222,19 @@ def _log_probabilities() -> FloatArray:
 
 def _of_neighbours(windows: Sequence[IntArray]) -> float:
     """Log-likelihood (BIC) of steps that depend on the last one to three."""
-    best = -np.inf
+    kinds, each = np.unique(np.concatenate([np.diff(window) for window in windows]), return_inverse=True)
+    in_window = np.concatenate([np.arange(window.size - 1) for window in windows])
+    before, best = np.zeros(each.size, np.int64), -np.inf
     for order in (1, 2, 3):
-        counts: dict[tuple[int, ...], dict[int, int]] = {}
-        for window in windows:
-            steps = np.diff(window).tolist()
-            for k in range(order, len(steps)):
-                following = counts.setdefault(tuple(steps[k - order : k]), {})
-                following[steps[k]] = following.get(steps[k], 0) + 1
-        total = sum(n * np.log(n / sum(own.values())) for own in counts.values() for n in own.values())
-        free = sum(len(own) - 1 for own in counts.values())
-        events = sum(sum(own.values()) for own in counts.values())
-        best = max(best, total - 0.5 * free * np.log(max(events, 1)))
-    return float(best)
+        before[order:] += kinds.size ** (order - 1) * each[:-order]
+        whole = in_window >= order
+        followed, counts = np.unique(before[whole] * kinds.size + each[whole], return_counts=True)
+        _, of_context = np.unique(followed // kinds.size, return_inverse=True)
+        totals = np.bincount(of_context, weights=counts)
+        free, events = counts.size - totals.size, int(counts.sum())
+        likelihood = float(counts @ np.log(counts) - totals @ np.log(totals))
+        best = max(best, likelihood - 0.5 * free * math.log(max(events, 1)))
+    return best
 
 
 def _even_again(touch: TouchTrace, period_s: float, frame_s: float) -> bool:
