@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +25,6 @@ from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effects
 from draglag.simulation.effects.base import Edges
 from draglag.simulation.effects.laser_bounce import LaserBounce
-from draglag.simulation.effects.sample_hold.ages import uneven_age_s
 from draglag.simulation.effects.timestamp_quantisation.stream import evened
 
 SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
@@ -452,57 +450,3 @@ def test_fills_are_seen_in_positions_of_uneven_age_and_only_where_they_are() -> 
     assert set(both) == {"sample_hold", "loss_of_contact"}
     assert both["loss_of_contact"] == pytest.approx(24, rel=0.25)  # some fills are shorter than four stamps
     assert set(seen("sample_hold=80")) == {"sample_hold"}
-
-
-def held_at(touch: TouchTrace, period_s: float) -> TouchTrace:
-    """What a loop writes that takes the newest event at each tick."""
-    tick_s = np.arange(touch.t_s[0] + period_s, touch.t_s[-1], period_s)
-    newest = np.searchsorted(touch.t_s, tick_s, side="right") - 1
-    fresh = tick_s - touch.t_s[newest] < 0.05
-    newest, tick_s = newest[fresh], tick_s[fresh]
-    return TouchTrace(tick_s, touch.x_mm[newest], touch.y_mm[newest])
-
-
-@pytest.mark.parametrize("rate_hz", [83, 95, 97.5])  # the last two beat with the frames 5 and 2.5 times a second only
-def test_the_age_of_held_positions_is_undone(sound: Session, rate_hz: float) -> None:
-    session = with_touch(sound, lambda touch: held_at(touch, 1 / rate_hz))
-    (seen,), repaired = inspect(session)
-    assert seen.effect == "sample_hold"
-    assert seen.value == pytest.approx(rate_hz, rel=1e-3)
-    assert seen.undone
-
-    def unevenness_mm(touch: TouchTrace, original: TouchTrace) -> float:
-        inner = (touch.t_s > original.t_s[0] + 0.1) & (touch.t_s < original.t_s[-1] - 0.1)
-        late_s = [np.interp(touch.t_s[inner] - age, original.t_s, original.x_mm) for age in np.arange(0, 0.012, 5e-4)]
-        return min(float(np.median(np.abs(touch.x_mm[inner] - x))) for x in late_s)
-
-    fast = max(range(len(sound.runs)), key=lambda k: sound.runs[k].nominal_speed_mm_s or 0.0)
-    original = sound.runs[fast].touch
-    before = unevenness_mm(session.runs[fast].touch, original)
-    assert unevenness_mm(repaired.runs[fast].touch, original) < before / 5
-
-
-@pytest.mark.parametrize("rate_hz", [99.5, 99.6])
-def test_ages_whose_beat_is_too_slow_are_reported(sound: Session, rate_hz: float) -> None:
-    # 100 frames a second: the beat takes more than a hundred ticks; another line must not be taken for it.
-    (seen,), _ = inspect(with_touch(sound, lambda touch: held_at(touch, 1 / rate_hz)))
-    assert seen.effect == "sample_hold"
-    assert not seen.undone
-
-
-def test_positions_held_by_a_fast_loop_are_even_again(sound: Session) -> None:
-    # A tick of 7 ms shows each frame of 10 ms once or twice: first showings alone would be stamps with holes.
-    _, repaired = inspect(with_touch(sound, lambda touch: held_at(touch, 1 / 143)))
-    for run, original in zip(repaired.runs, sound.runs, strict=True):
-        frame_s = float(np.median(np.diff(original.touch.t_s)))
-        assert np.mean(np.abs(np.diff(run.touch.t_s) - frame_s) < 0.1 * frame_s) > 0.9
-
-
-def test_stamps_in_pairs_show_no_age_of_positions() -> None:
-    """Half of the steps are within a pair, so that the median is none: without even steps nothing is known of ages."""
-    frame_s = 0.008
-    t_s = np.append(0.0, np.cumsum(np.tile([1e-4, 2 * frame_s, 1e-4, 3 * frame_s], 300)))
-    trace = TouchTrace(t_s, 40 * np.cos(8 * t_s), 40 * np.sin(8 * t_s), np.ones(t_s.size, np.int64))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        assert uneven_age_s([trace]) == 0.0

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from draglag.gap.streams.stamps import first_of_repeats
 from draglag.path.local_fit import local_fit
 from draglag.path.savgol import smoothed
 from draglag.recording import FloatArray, IntArray, TouchTrace
@@ -41,7 +42,10 @@ class _Deviation:
 
 
 def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] | None:
-    """Traces with all positions of the mean age; None if the beat cannot be seen. period_s: of the loop."""
+    """Traces without repeats, with all positions of the mean age; None if the beat cannot be seen.
+
+    touches: with their repeats, whose ages alone are those of a faster loop's oldest. period_s: of the loop.
+    """
     deviations = [_deviation(touch, period_s) for touch in touches]
     fast = sorted((d for d in deviations if d is not None), key=lambda d: -float(d.weight.mean()))[:FASTEST]
     if not fast:
@@ -58,7 +62,8 @@ def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[Tou
     possible_s = period_s / (np.arange(6) + alpha)
     candidates_s = possible_s[(HEIGHT[0] * possible_s < height_s) & (height_s < HEIGHT[1] * possible_s)]
     fits = [None if d is None else _sawtooth(d, alpha) for d in deviations]
-    tried = [_at_even_ages(touches, fits, alpha, period_s, float(frame_s)) for frame_s in candidates_s]
+    first = [first_of_repeats(touch) for touch in touches]
+    tried = [_at_even_ages(first, fits, alpha, period_s, float(frame_s)) for frame_s in candidates_s]
     return min(tried, key=uneven_age_s) if len(tried) > 1 else next(iter(tried), None)
 
 
@@ -66,12 +71,16 @@ def _at_even_ages(
     touches: Sequence[TouchTrace], fits: Sequence[_Fit | None], alpha: float, period_s: float, frame_s: float
 ) -> list[TouchTrace]:
     out = []
+    # In a faster loop no first event is older than a period: ages are taken about the middle of those.
+    spare = 0.5 * max(1 - period_s / frame_s, 0.0)
     for touch, fit in zip(touches, fits, strict=True):
         if fit is None:
             out.append(touch)
             continue
-        age_s = frame_s * np.mod(alpha * _ticks(touch.t_s, period_s) - fit.phase, 1.0)
-        age_s = _jumped(touch, age_s, frame_s, 8 * period_s)
+        turns = np.mod(alpha * _ticks(touch.t_s, period_s) - fit.phase + spare, 1.0)
+        turns = _jumped(touch, turns, frame_s, 8 * period_s)
+        turns[0] += spare > turns[0]  # nobody saw whether it repeats one before
+        age_s = frame_s * (turns - spare)
         # Less half a frame, not less the run's own mean: where loop and frames nearly keep step, that differs by run.
         own_s = touch.t_s - (age_s - 0.5 * frame_s)
         if frame_s > period_s:
@@ -83,16 +92,15 @@ def _at_even_ages(
     return out
 
 
-def _jumped(touch: TouchTrace, age_s: FloatArray, frame_s: float, half_width_s: float) -> FloatArray:
-    """Ages (n,) that jump where positions show it, up to a tick off."""
-    own_s = np.maximum.accumulate(touch.t_s - age_s + 1e-9 * np.arange(age_s.size))
+def _jumped(touch: TouchTrace, turns: FloatArray, frame_s: float, half_width_s: float) -> FloatArray:
+    """Ages (n,), in frames from where they jump, that jump where positions show it, up to a tick off."""
+    own_s = np.maximum.accumulate(touch.t_s - frame_s * turns + 1e-9 * np.arange(turns.size))
     xy = np.column_stack([touch.x_mm, touch.y_mm])
     fit = local_fit(own_s, xy, own_s, half_width_s)
     ahead_s = np.sum((xy - fit.xy_mm) * fit.v_mm_s, axis=1) / np.maximum(fit.speed_mm_s, 1e-6) ** 2
-    part = age_s / frame_s
-    fresh = fit.ok & (part > 1 - NEAR_JUMP) & (ahead_s > 0.5 * frame_s)
-    old = fit.ok & (part < NEAR_JUMP) & (ahead_s < -0.5 * frame_s)
-    return np.asarray(age_s + frame_s * (old.astype(float) - fresh))
+    fresh = fit.ok & (turns > 1 - NEAR_JUMP) & (ahead_s > 0.5 * frame_s)
+    old = fit.ok & (turns < NEAR_JUMP) & (ahead_s < -0.5 * frame_s)
+    return np.asarray(turns + old - fresh, float)
 
 
 def _as_of(touch: TouchTrace, own_s: FloatArray, half_width_s: float) -> TouchTrace:
@@ -114,8 +122,7 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
     if touch.t_s.size < 10 * WINDOW:
         return None
     tick = _ticks(touch.t_s, period_s)
-    even = np.arange(tick[-1] + 1)
-    xy = np.column_stack([np.interp(even, tick, v) for v in (touch.x_mm, touch.y_mm)])
+    xy = _at_every_tick(tick, np.column_stack([touch.x_mm, touch.y_mm]))
     smooth = smoothed(xy, WINDOW, DEGREE)[tick]
     velocity = smoothed(xy, WINDOW, DEGREE, 1, period_s)[tick]
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
@@ -125,6 +132,15 @@ def _deviation(touch: TouchTrace, period_s: float) -> _Deviation | None:
     # The jumps of a slow beat are few, far beyond the median, and no outliers.
     limit = max(6 * 1.4826 * float(np.median(np.abs(ahead_s))), period_s)
     return _Deviation(tick, np.clip(ahead_s, -limit, limit), np.where(moving, speed**2, 0.0))
+
+
+def _at_every_tick(tick: IntArray, values: FloatArray) -> FloatArray:
+    """Values (n, k) of some ticks, linear in between."""
+    at = np.arange(tick[-1] + 1)
+    before = np.searchsorted(tick, at, side="right") - 1
+    after = np.minimum(before + 1, tick.size - 1)
+    share = (at - tick[before]) / np.maximum(tick[after] - tick[before], 1)
+    return np.asarray(values[before] + share[:, None] * (values[after] - values[before]))
 
 
 def _turns_a_tick(fast: Sequence[_Deviation]) -> float:
@@ -184,8 +200,9 @@ class _Fit:
 
 def _sawtooth(run: _Deviation, alpha: float, phases: FloatArray = PHASES) -> _Fit:
     """Best sawtooth and the share it explains."""
-    even = np.mod(alpha * np.arange(run.tick[-1] + 1)[:, None] - phases, 1.0)
-    sawtooth = (smoothed(even, WINDOW, DEGREE) - even)[run.tick]  # as the deviations were taken
+    age = np.mod(alpha * run.tick[:, None] - phases, 1.0)
+    even = _at_every_tick(run.tick, age)
+    sawtooth = smoothed(even, WINDOW, DEGREE)[run.tick] - age  # as the deviations were taken
     moment = (run.weight * run.ahead_s) @ sawtooth
     size = run.weight @ sawtooth**2
     gain = np.where(moment > 0, moment**2 / size, 0.0) / float(np.sum(run.weight * run.ahead_s**2))
