@@ -86,6 +86,19 @@ def test_positions_held_by_a_fast_loop_are_as_late_in_every_run(sound: Session, 
     assert np.std(late_s) < 1.5e-4
 
 
+def test_ages_of_frames_that_jitter_each_by_itself_are_undone(sound: Session) -> None:
+    """Frames show first in three ticks of four, by ages that change alike: even, as third differences see them."""
+
+    def held(touch: TouchTrace) -> TouchTrace:
+        t_s = np.arange(touch.t_s[0], touch.t_s[-1], 1 / 60)
+        t_s = t_s + 7e-4 * np.random.default_rng(1).standard_normal(t_s.size)
+        x, y = (np.interp(t_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
+        return held_at(TouchTrace(t_s, x, y), 1 / 78.3)
+
+    found, _ = inspect(with_touch(sound, held))
+    assert [(one.effect, one.undone) for one in found] == [("sample_hold", True)]
+
+
 def test_stamps_in_pairs_show_no_age_of_positions() -> None:
     """Half of the steps are within a pair, so that the median is none: without even steps nothing is known of ages."""
     frame_s = 0.008

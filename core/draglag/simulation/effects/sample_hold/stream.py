@@ -35,11 +35,12 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
     loop = streams.of(loop_in)
     if loop is None or streams.of(batches_in) is not None or streams.of(clock_in) is not None:
         return None, runs  # a grid of stamps without repeated positions is a coarse clock's
-    first = [first_of_repeats(r.touch) for r in runs]
-    even = undo_sample_hold([r.touch for r in runs], 1 / loop.value)
-    if even is not None and ages_remain(first, even, 1 / loop.value):
+    held = [r.touch for r in runs]
+    even = undo_sample_hold(held, 1 / loop.value)
+    if even is not None and ages_remain(held, even, 1 / loop.value):
         even = None  # another beat was taken for theirs
-    repaired = tuple(replace(r, touch=touch) for r, touch in zip(runs, even or first, strict=True))
+    shown = even or [first_of_repeats(touch) for touch in held]
+    repaired = tuple(replace(r, touch=touch) for r, touch in zip(runs, shown, strict=True))
     return of_the_bus(replace(loop, undone=even is not None), streams), repaired
 
 
