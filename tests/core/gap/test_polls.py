@@ -126,6 +126,7 @@ def test_frames_have_their_own_times_again(sound: Session, rate_hz: float) -> No
         (("timestamp_quantisation=0.008",), ["timestamp_quantisation"], 0.03),
         (("frame_batching=2",), ["frame_batching"], 0.003),
         (("frame_batching=3",), ["frame_batching"], 0.03),
+        (("frame_batching=5",), ["frame_batching"], 0.003),  # as even as polls of five frames
         (("frame_drop=0.15",), ["frame_drop"], 0.003),
         (("frame_drop=0.15",), ["frame_drop"], 0.03),
         (("sample_hold=80",), ["sample_hold"], 0.03),

@@ -193,7 +193,7 @@ def _beat_in(windows: Sequence[IntArray]) -> tuple[float, float]:
     sizes = sorted({window.size for window in windows})
     alike = [np.array([window for window in windows if window.size == size]) for size in sizes]
     by_beat = float(np.max(sum(_of_beat(ticks, frame) for ticks in alike)))
-    return by_beat - _of_neighbours(windows), frame
+    return by_beat - _of_neighbours(windows, frame), frame
 
 
 def _windows(tick: IntArray, most: int, longest: int) -> list[IntArray]:
@@ -220,17 +220,18 @@ def _log_probabilities() -> FloatArray:
     return np.asarray(np.log((1 - P_OUTLIER) * each + P_OUTLIER / 4))
 
 
-def _of_neighbours(windows: Sequence[IntArray]) -> float:
-    """Log-likelihood (BIC) of steps that depend on the last one to three."""
+def _of_neighbours(windows: Sequence[IntArray], frame: float) -> float:
+    """Log-likelihood (BIC) of steps that depend on the last one to three, or on as many as come with a tick."""
     kinds, each = np.unique(np.concatenate([np.diff(window) for window in windows]), return_inverse=True)
     in_window = np.concatenate([np.arange(window.size - 1) for window in windows])
-    before, best = np.zeros(each.size, np.int64), -np.inf
-    for order in (1, 2, 3):
-        before[order:] += kinds.size ** (order - 1) * each[:-order]
+    before, best = np.zeros(each.size, np.int64), -np.inf  # which steps went before
+    for order in range(1, max(round(1 / frame), 3) + 1):
+        before[1:] = before[:-1] * kinds.size + each[:-1]
+        before = np.unique(before, return_inverse=True)[1]
         whole = in_window >= order
         followed, counts = np.unique(before[whole] * kinds.size + each[whole], return_counts=True)
-        _, of_context = np.unique(followed // kinds.size, return_inverse=True)
-        totals = np.bincount(of_context, weights=counts)
+        totals = np.bincount(followed // kinds.size, weights=counts)
+        totals = totals[totals > 0]
         free, events = counts.size - totals.size, int(counts.sum())
         likelihood = float(counts @ np.log(counts) - totals @ np.log(totals))
         best = max(best, likelihood - 0.5 * free * math.log(max(events, 1)))
