@@ -106,8 +106,9 @@ def _without_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:
 
 
 def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
-    best = coarse.cost_mm2[minima[0]]
-    return [k for k in minima if coarse.cost_mm2[k] <= 6 * best + 0.05]
+    """Minima that may be the best: how near one lies to a point of the grid says nothing."""
+    each = {k: coarse.between(k) for k in minima}
+    return [k for k in minima if each[k] <= 6 * min(each.values()) + 0.05]
 
 
 def _solved(ready: Prepared, latency_s: float, track: Track) -> Solution | None:

@@ -23,6 +23,15 @@ class Scan:
     latency_s: FloatArray
     cost_mm2: FloatArray
 
+    def between(self, k: int) -> float:
+        """Cost at the lowest point of the parabola through a minimum and its neighbours."""
+        if not 0 < k < self.cost_mm2.size - 1:
+            return float(self.cost_mm2[k])
+        before, here, after = self.cost_mm2[k - 1 : k + 2]
+        bend = before + after - 2 * here
+        low = here - (after - before) ** 2 / (8 * bend) if 0 < bend < np.inf else here
+        return max(float(low), 0.0)
+
     def minima(self, most: int = 4) -> list[int]:
         """Indices of the local minima, best first."""
         cost = self.cost_mm2
