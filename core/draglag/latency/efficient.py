@@ -20,7 +20,10 @@ from draglag.numerics import student_t
 from draglag.path.events import in_contact
 from draglag.recording import FloatArray
 
-ALIAS_LOG_LIKELIHOOD = 4.0  # a rival minimum closer than this cannot be ruled out
+ALIAS_LOG_POSTERIOR = 4.0  # a rival minimum closer than this cannot be ruled out
+# Standard deviation of latencies of drags that are fast enough to fit again half a turn of their circle later: screens
+# show them 20 to 200 ms late. It chooses among minima only. Physical (the paper).
+USUAL_S = 0.1
 SCATTER_LASTS_S = 0.03
 CONVERGED_S = 3e-5  # smaller steps are far below any interval
 SCATTER_CERTAIN = 0.2  # nothing calls for another explanation of the edges
@@ -50,6 +53,10 @@ class Solution:
     track: Track
 
     @property
+    def log_posterior(self) -> float:
+        return self.log_likelihood - 0.5 * (self.latency_s / USUAL_S) ** 2
+
+    @property
     def se_s(self) -> float:
         return float(np.sqrt(self.covariance[0, 0]))
 
@@ -77,7 +84,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     ]
     if not solutions:
         return replace(blank, flags=("unidentifiable",))
-    solutions.sort(key=lambda s: -s.log_likelihood / max(s.edges.t_s.size, 1))
+    solutions.sort(key=lambda s: -s.log_posterior / max(s.edges.t_s.size, 1))
     best = solutions[0]
     if track.tremor is not None and best.p_no_scatter < SCATTER_CERTAIN:
         # Where a steep law re-times the trace, apparent tremor is not movement of the stylus: the edges decide.
@@ -87,7 +94,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     best, pauses = _without_pauses(ready, best)
     extra = []
     if any(
-        best.log_likelihood - rival.log_likelihood < ALIAS_LOG_LIKELIHOOD
+        best.log_posterior - rival.log_posterior < ALIAS_LOG_POSTERIOR
         and abs(rival.latency_s - best.latency_s) > 0.01
         for rival in solutions[1:]
     ):
