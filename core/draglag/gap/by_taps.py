@@ -8,24 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp, ndtr
 
-from draglag.curve import CurvePoints, fit_best, fit_form
-from draglag.errors import EstimateError
 from draglag.gap.constants import P_EFFECT, STATED_AT_MOST
+from draglag.gap.ends import possible_ends
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.linear import likeliest_levels, linearised, normal
 from draglag.gap.posterior.pool import Pool
 from draglag.instruments.taps import LONGEST_S, summarise_taps
 from draglag.recording import FloatArray, Session, Taps
 from draglag.simulation.effects import Effect
-from draglag.simulation.effects.in_fits import Z95
 
 # How far releases of a sound rig lie from the asymptote, from panel to panel. Physical (fact sheet on taps).
 TAP_SD_S = 0.0009
 INTEREST_S = 0.0015  # tolerated: at 100 mm/s 0.15 mm, and a panel may treat a lift as it likes. Judgement
 OFFSET_SD_S = 0.01  # of an offset of interest: clocks that nobody compared differ by some milliseconds. Physical
-BEYOND = 0.15  # how well the law's fall beyond the fastest speed is known, as a share of it. Judgement
 FEWEST = 15  # releases: a median's standard error of a third of their scatter. Derived
-FAR_MM_S = 1e5  # where every curve has come to its end. Derived
 POINTS = 2001  # of the grid on which an offset's interval is read: a hundredth of a millisecond. Derived
 AT_AN_END = 0.3  # of the time over which taps were made: those before and after the drags. Judgement
 
@@ -84,26 +80,20 @@ def shares_by_edges(
 class Ends:
     """Ends of the curve relative to the fitted asymptote.
 
-    at_s, weights, variances: (k,) of known forms; the last by what the runs leave open. variance: of releases. any_s,
-    p_any: of an unknown form.
+    at_s, weights: (k,) of known forms. variance: of releases. any_s, p_any: of an unknown form.
     """
 
     at_s: FloatArray
     weights: FloatArray
-    variances: FloatArray
     variance: float
     any_s: tuple[float, float]
     p_any: float
 
-    def sds_s(self, more: float = 0.0) -> tuple[FloatArray, float]:
-        """Standard deviations of releases about an end: known forms (k,), unknown. more: variance added."""
-        return np.sqrt(self.variance + more + self.variances), float(np.sqrt(self.variance + more))
-
     def densities(self, off_s: float, more: float) -> tuple[FloatArray, float]:
-        """Densities of releases, 1/s, times the forms' probabilities: known (k,), unknown. more: as in ``sds_s``."""
-        (low, high), (known_s, sd_s) = self.any_s, self.sds_s(more)
+        """Densities of releases, 1/s, times the ends' probabilities: known (k,), unknown. more: variance added."""
+        (low, high), sd_s = self.any_s, float(np.sqrt(self.variance + more))
         inside = float(ndtr((high - off_s) / sd_s) - ndtr((low - off_s) / sd_s))
-        known = (1 - self.p_any) * self.weights * _normal_density((off_s - self.at_s) / known_s) / known_s
+        known = (1 - self.p_any) * self.weights * _normal_density((off_s - self.at_s) / sd_s) / sd_s
         return np.asarray(known), self.p_any * inside / (high - low)
 
     def with_and_without(self, off_s: float) -> tuple[float, float]:
@@ -122,10 +112,10 @@ class Ends:
         """Posterior of an offset, given releases at ``off_s``."""
         with_it, without = self.with_and_without(off_s)
         known, unknown = self.densities(off_s, OFFSET_SD_S**2)
-        sizes_s, (low, high), sd_s = off_s - self.at_s, self.any_s, self.sds_s()[0]
-        widest = 4 * float(sd_s.max())
+        sizes_s, (low, high), sd_s = off_s - self.at_s, self.any_s, float(np.sqrt(self.variance))
+        widest = 4 * sd_s
         grid = np.linspace(min(*sizes_s, off_s - high) - widest, max(*sizes_s, off_s - low) + widest, POINTS)
-        below = known @ ndtr((grid - sizes_s[:, None]) / sd_s[:, None])
+        below = known @ ndtr((grid - sizes_s[:, None]) / sd_s)
         below += unknown * np.clip((grid - off_s + high) / (high - low), 0.0, 1.0)
         whole = known.sum() + unknown
         ends = np.interp(np.array([0.025, 0.975]) * whole, below, grid)
@@ -143,38 +133,8 @@ def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
     fastest = float(np.quantile(fit.view.speed, 0.95))
     highest_s = float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
     any_s = min(-float(fit.law.a7_s), highest_s - INTEREST_S), highest_s
-    rows = [
-        (np.median(fit.view.speed[fit.run_index == k]), late_s, data.estimate.curve_se_s)
-        for k, (data, late_s) in enumerate(zip(fit.runs, _latencies_s(fit), strict=True))
-        if data.estimate is not None and data.estimate.latency_s is not None and np.isfinite(late_s)
-    ]
-    above = [row for row in rows if row[0] > fit.law.plateau_mm_s]  # on a plateau runs do not show how the curve falls
-    at_s, weights, variances = np.zeros(1), np.ones(1), np.zeros(1)
-    try:
-        best = fit_best(CurvePoints(*np.array(above, float).reshape(-1, 3).T))
-    except EstimateError:
-        p_any = 1.0  # as many ends fit as few speeds leave open
-    else:
-        if best.points is not None:
-            curves = [fit_form(best.points, rival.form) for rival in best.rivals]
-            far = np.array([FAR_MM_S])
-            at_s = np.array([float(c.predict_s(far)[0] - fit.law.a7_s) for c in curves])
-            variances = np.array([float(np.ptp(c.band_s(far)) / (2 * Z95)) ** 2 for c in curves])
-            aicc = np.array([rival.aicc for rival in best.rivals])
-            weights = np.exp(0.5 * (aicc.min() - aicc))
-    variance += (BEYOND * highest_s) ** 2 + float(fit.covariance[4, 4]) + TAP_SD_S**2
-    return Ends(at_s, weights / weights.sum(), variances, variance, any_s, p_any)
-
-
-def _latencies_s(fit: Fit) -> FloatArray:
-    """Latencies of runs without effects; NaN without edges."""
-    lever = fit.view.v_across * fit.view.stretch
-    out = np.full(len(fit.runs), np.nan)
-    for k in np.unique(fit.run_index):
-        own = fit.run_index == k
-        left_s = -float(lever[own] @ fit.residual_mm[own]) / float(lever[own] @ lever[own])
-        out[k] = float(fit.law(np.median(fit.view.speed[own])[None])[0]) + left_s
-    return out
+    ends_s, weights = possible_ends(fit)
+    return Ends(ends_s - fit.law.a7_s, weights, variance + TAP_SD_S**2, any_s, p_any)
 
 
 @dataclass(frozen=True)

@@ -94,8 +94,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     best, pauses = _without_pauses(ready, best)
     extra = []
     if any(
-        best.log_posterior - rival.log_posterior < ALIAS_LOG_POSTERIOR
-        and abs(rival.latency_s - best.latency_s) > 0.01
+        best.log_posterior - rival.log_posterior < ALIAS_LOG_POSTERIOR and abs(rival.latency_s - best.latency_s) > 0.01
         for rival in solutions[1:]
     ):
         extra += ["alias", "unidentifiable"]

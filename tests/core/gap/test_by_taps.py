@@ -11,8 +11,10 @@ MS = 1e-3
 
 
 def ends(open_s: float, p_any: float = 0.0) -> Ends:
-    """One form whose end the runs leave open by a standard deviation; releases are known to 1 ms."""
-    return Ends(np.zeros(1), np.ones(1), np.array([open_s**2]), MS**2, (-20 * MS, 40 * MS), p_any)
+    """An end that the runs leave open by a standard deviation; releases are known to 1 ms."""
+    at_s = np.arange(-50, 50.1, 0.5) * MS
+    likely = np.exp(-0.5 * (at_s / max(open_s, 0.1 * MS)) ** 2)
+    return Ends(at_s, likely / likely.sum(), MS**2, (-20 * MS, 40 * MS), p_any)
 
 
 def test_releases_far_off_a_well_known_end_are_an_offset_of_that_size() -> None:
@@ -25,8 +27,10 @@ def test_releases_far_off_a_well_known_end_are_an_offset_of_that_size() -> None:
 def test_where_the_runs_leave_the_end_open_by_as_much_they_are_none() -> None:
     found = ends(8 * MS).offset(9 * MS)
     assert found.probability < 0.1
-    reach = 1.96 * np.hypot(8, 1) * MS
-    assert found.ci95_s == pytest.approx((9 * MS - reach, 9 * MS + reach), abs=1e-4)
+    # The end's variance of 8² and the offset's own of 10² share what is seen to 1 ms.
+    middle, sd = 9 * 101 / 165, np.sqrt(64 * 101 / 165 + 1)
+    assert found.value_s == pytest.approx(middle * MS, abs=1e-4)
+    assert found.ci95_s == pytest.approx(((middle - 1.96 * sd) * MS, (middle + 1.96 * sd) * MS), abs=2e-4)
 
 
 def test_nor_are_they_where_the_curve_may_end_anywhere() -> None:
