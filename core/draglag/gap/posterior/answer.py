@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from draglag.gap import constants
+from draglag.gap.fitting.heldout import gap_mm
+from draglag.gap.fitting.joint import Fit, effects_in
 from draglag.gap.fitting.law_form import LAW_FORM
 from draglag.gap.fitting.parameters import whole_size_mm
 from draglag.gap.posterior.members import UNNAMED
@@ -85,8 +87,19 @@ def _sizes(pool: Pool, names: Names) -> dict[str, float]:
     for name in names:
         whole_mm = whole_size_mm(fit, name) if name in EFFECTS else None
         if whole_mm is not None:
-            out[name] = whole_mm
+            small = whole_mm < constants.SIZE_OF_INTEREST_MM
+            out[name] = max(whole_mm, _shrinks_by_mm(pool, fit, name)) if small else whole_mm
     return {IN_SPEED if name == LAW_FORM and IN_SPEED in names else name: size for name, size in out.items()}
+
+
+def _shrinks_by_mm(pool: Pool, fit: Fit, name: str) -> float:
+    """By how much less the gap is with an effect in the fit; 0 without a fit to compare.
+
+    An effect that moves few edges may keep the others from being weighted as they deserve.
+    """
+    rest = tuple(one for one in effects_in(fit) if one != name)
+    without = next((s.linear.fit for s in pool.searches if effects_in(s.linear.fit) == rest), None)
+    return 0.0 if without is None else gap_mm(without, pool.edges) - gap_mm(fit, pool.edges)
 
 
 def _without_form(names: Names) -> Names:
