@@ -40,13 +40,13 @@ def clock_offset(
     fit: Fit,
     effects: Sequence[Effect] = (),
     held_s: float = 0.0,
-    p_any_form: float = 0.0,
+    p_other: float = 0.0,
     early: tuple[float, float] = (0.0, 0.0),
 ) -> Offset | None:
     """Offset of releases from the curve's end, less what effects add; None with few.
 
-    held_s: half the longest wait of only taps or only drags. p_any_form: of an unknown curve. early: known lead of
-    drags, and its standard deviation, s.
+    held_s: half the longest wait of only taps or only drags. p_other: of another form of the curve. early: known lead
+    of drags, and its standard deviation, s.
     """
     if session.taps is None:
         return None
@@ -58,7 +58,7 @@ def clock_offset(
     if summary is None or summary.n < FEWEST:
         return None
     tap_se = (summary.ci95_s[1] - summary.ci95_s[0]) / 3.92
-    ends = _ends_beyond(fit, p_any_form, tap_se**2 + held_s**2 / 3 + early[1] ** 2)
+    ends = _ends_beyond(fit, p_other, tap_se**2 + held_s**2 / 3 + early[1] ** 2)
     return ends.offset(float(summary.median_s - fit.law.a7_s - early[0]))
 
 
@@ -78,31 +78,22 @@ def shares_by_edges(
 
 @dataclass(frozen=True)
 class Ends:
-    """Ends of the curve relative to the fitted asymptote.
-
-    at_s, weights: (k,) of known forms. variance: of releases. any_s, p_any: of an unknown form.
-    """
+    """Ends of the curve relative to the fitted asymptote, and their probabilities, (k,). variance: of releases, s²."""
 
     at_s: FloatArray
     weights: FloatArray
     variance: float
-    any_s: tuple[float, float]
-    p_any: float
 
-    def densities(self, off_s: float, more: float) -> tuple[FloatArray, float]:
-        """Densities of releases, 1/s, times the ends' probabilities: known (k,), unknown. more: variance added."""
-        (low, high), sd_s = self.any_s, float(np.sqrt(self.variance + more))
-        inside = float(ndtr((high - off_s) / sd_s) - ndtr((low - off_s) / sd_s))
-        known = (1 - self.p_any) * self.weights * _normal_density((off_s - self.at_s) / sd_s) / sd_s
-        return np.asarray(known), self.p_any * inside / (high - low)
+    def densities(self, off_s: float, more: float) -> FloatArray:
+        """Densities of releases, 1/s, times the ends' probabilities, (k,). more: variance added."""
+        sd_s = float(np.sqrt(self.variance + more))
+        return np.asarray(self.weights * _normal_density((off_s - self.at_s) / sd_s) / sd_s)
 
     def with_and_without(self, off_s: float) -> tuple[float, float]:
         """Joint densities of releases with, and without, an offset of the clock, 1/s."""
-        out = []
-        for p, slab_sd_s in ((P_EFFECT, OFFSET_SD_S), (1 - P_EFFECT, 0.0)):
-            known, unknown = self.densities(off_s, INTEREST_S**2 + slab_sd_s**2)
-            out.append(p * (float(known.sum()) + unknown + np.finfo(float).tiny))
-        return out[0], out[1]
+        each = ((P_EFFECT, OFFSET_SD_S), (1 - P_EFFECT, 0.0))
+        with_it, without = (p * float(self.densities(off_s, INTEREST_S**2 + sd_s**2).sum()) for p, sd_s in each)
+        return with_it + np.finfo(float).tiny, without + np.finfo(float).tiny
 
     def log_density(self, off_s: float) -> float:
         """Log density, with or without an offset."""
@@ -111,15 +102,13 @@ class Ends:
     def offset(self, off_s: float) -> Offset:
         """Posterior of an offset, given releases at ``off_s``."""
         with_it, without = self.with_and_without(off_s)
-        known, unknown = self.densities(off_s, OFFSET_SD_S**2)
-        sizes_s, (low, high), sd_s = off_s - self.at_s, self.any_s, float(np.sqrt(self.variance))
-        widest = 4 * sd_s
-        grid = np.linspace(min(*sizes_s, off_s - high) - widest, max(*sizes_s, off_s - low) + widest, POINTS)
-        below = known @ ndtr((grid - sizes_s[:, None]) / sd_s)
-        below += unknown * np.clip((grid - off_s + high) / (high - low), 0.0, 1.0)
-        whole = known.sum() + unknown
-        ends = np.interp(np.array([0.025, 0.975]) * whole, below, grid)
-        middle = (known @ sizes_s + unknown * (off_s - 0.5 * (low + high))) / whole
+        shares = self.densities(off_s, OFFSET_SD_S**2)
+        shares /= shares.sum()
+        sizes_s, sd_s = off_s - self.at_s, float(np.sqrt(self.variance))
+        grid = np.linspace(sizes_s.min() - 4 * sd_s, sizes_s.max() + 4 * sd_s, POINTS)
+        below = shares @ ndtr((grid - sizes_s[:, None]) / sd_s)
+        ends = np.interp([0.025, 0.975], below, grid)
+        middle = shares @ sizes_s
         p = min(with_it / (with_it + without), STATED_AT_MOST)
         return Offset(float(middle), (float(ends[0]), float(ends[1])), float(p))
 
@@ -128,13 +117,10 @@ def _normal_density(z: FloatArray) -> FloatArray:
     return np.asarray(np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi))
 
 
-def _ends_beyond(fit: Fit, p_any: float, variance: float = 0.0) -> Ends:
+def _ends_beyond(fit: Fit, p_other: float, variance: float = 0.0) -> Ends:
     """Ends of the curve. variance: of the taps' median, s²."""
-    fastest = float(np.quantile(fit.view.speed, 0.95))
-    highest_s = float(fit.law(np.array([fastest]))[0] - fit.law.a7_s)
-    any_s = min(-float(fit.law.a7_s), highest_s - INTEREST_S), highest_s
-    ends_s, weights = possible_ends(fit)
-    return Ends(ends_s - fit.law.a7_s, weights, variance + TAP_SD_S**2, any_s, p_any)
+    ends_s, weights = possible_ends(fit, p_other)
+    return Ends(ends_s - fit.law.a7_s, weights, variance + TAP_SD_S**2)
 
 
 @dataclass(frozen=True)
@@ -149,14 +135,14 @@ class Creep:
         return max(self.shares, key=lambda name: self.shares[name])
 
 
-def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form: float = 0.0) -> Creep:
+def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_other: float = 0.0) -> Creep:
     """Probabilities of effects, of fitted sizes, that drift alike on the edges."""
     even = {effect.id: 1 / len(effects) for effect in effects}
     if session.taps is None:
         return Creep(even, "no taps to distinguish a clock from a latency")
     ends = _ends(session.taps, min(run.t_s[0] for run in fit.runs))
     if ends is None:
-        return _by_level(session, fit, effects, even, p_any_form)
+        return _by_level(session, fit, effects, even, p_other)
     times, levels, variance = ends
     log_odds, moved = {}, {}
     for effect in effects:
@@ -168,9 +154,7 @@ def creep_of(session: Session, fit: Fit, effects: tuple[Effect, ...], p_any_form
     return Creep(_shares(log_odds), change + expected_words)
 
 
-def _by_level(
-    session: Session, fit: Fit, effects: tuple[Effect, ...], even: dict[str, float], p_any_form: float
-) -> Creep:
+def _by_level(session: Session, fit: Fit, effects: tuple[Effect, ...], even: dict[str, float], p_other: float) -> Creep:
     """``creep_of`` by taps at one end of the session."""
     assert session.taps is not None
     summary = summarise_taps(session.taps).get("release")
@@ -179,7 +163,7 @@ def _by_level(
     origin_s = min(run.t_s[0] for run in fit.runs)
     when_s = np.array([float(np.median(session.taps.registered_s)) - origin_s])
     off = {e.id: summary.median_s - fit.law.a7_s - float(e.tap_latency(np.zeros(1), when_s)[0]) for e in effects}
-    ends = _ends_beyond(fit, p_any_form)
+    ends = _ends_beyond(fit, p_other)
     words = ", ".join(f"{1e3 * value:+.1f} ms ({name})" for name, value in off.items())
     return Creep(
         _shares({k: ends.log_density(v) for k, v in off.items()}),

@@ -16,6 +16,10 @@ from draglag.recording import FloatArray
 LAWS = {"double_exponential": 1 - P_LAW_FORM, "adaptive_low_pass": P_LAW_FORM / 2, "power": P_LAW_FORM / 2}
 KNOTS = 24  # speeds, in even steps of ln v: a fifth of it apart, where differences of laws are straight. Derived
 STEP_S = 0.0005  # of the ends that are tried: half of what releases scatter by. Derived
+# Mean of what curves fall on beyond the fastest speed, over their fall in the last doubling of speed: a low-pass 1, a
+# logarithm of the speed 1.6, a root 2.4 times. Derived
+AS_MUCH_AGAIN = 2.0
+LEAST = 1e-300  # of a probability, whose logarithm is taken. Derived
 ROUNDS = 30  # of Levenberg and Marquardt's, of all ends at once. Derived: cost
 LEAST_S = 1e-7  # of an amplitude, whose logarithm is fitted. Derived
 TRIVIAL = 1e-9  # of the largest information: directions of less are rounding. Derived
@@ -35,17 +39,20 @@ class _Known:
         return np.asarray((laws_s - self.latencies_s) @ self.root.T + self.off)
 
 
-def possible_ends(fit: Fit) -> tuple[FloatArray, FloatArray]:
+def possible_ends(fit: Fit, p_other: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Latencies (n,) s at which the curve may end far beyond the fastest speed, and their probabilities.
 
-    By the likeliest curve of each form that ends there; all ends below the fastest speed's latency are alike before.
+    Before any form is fitted, a curve falls on by as much as it fell last; then by the likeliest curve of each form
+    that ends there. p_other: of another form than these.
     """
+    fastest = float(np.quantile(fit.view.speed, 0.95))
+    before_s, last_s = fit.law(np.array([fastest / 2, fastest]))
+    ends_s = np.arange(0.0, last_s + STEP_S, STEP_S)
+    falls_on = np.exp(-(last_s - ends_s) / max(AS_MUCH_AGAIN * (before_s - last_s), STEP_S))
     known = _known(fit)
-    highest_s = float(fit.law(np.array([known.speeds_mm_s[-1]]))[0])
-    ends_s = np.arange(0.0, 1.1 * highest_s + 20 * STEP_S, STEP_S)
     logs = [np.log(prior) - 0.5 * _least_costs(known, FORMS[name], ends_s) for name, prior in LAWS.items()]
-    log_p = logsumexp(logs, axis=0)
-    return ends_s, np.exp(log_p - logsumexp(log_p))
+    log_p = np.log(np.maximum(falls_on, LEAST)) + logsumexp(logs, axis=0)
+    return ends_s, (1 - p_other) * np.exp(log_p - logsumexp(log_p)) + p_other * falls_on / falls_on.sum()
 
 
 def _known(fit: Fit) -> _Known:

@@ -52,6 +52,7 @@ def reported(
     if (answer.unexplained_by or idle) and len(answer.effects) < max_effects:
         chain = _that_explain(chain, edges)
     last = chain[-1].after
+    law = law_of(judgement, last)
     steps = stream_steps(session, named, judgement.base)
     for link in chain[1:]:
         step = step_of(session, judgement, answer, allowed, link.effect, link.before, link.after, last)
@@ -62,7 +63,7 @@ def reported(
         steps = [next_to_unnamed(step) for step in steps]
     last_mm = gap_mm(last, edges)
     if unexplained is None:
-        more, last = with_taps(session, judgement, last, steps, allowed, _unknown_form(judgement, last))
+        more, last = with_taps(session, judgement, last, steps, allowed, law.probability)
         steps += more
         last_mm = gap_mm(last, edges)
     stated = [answer.probability, *(step.probability for step in steps if not unexplained)]
@@ -76,7 +77,7 @@ def reported(
         unexplained,
         min(stated),
         answer.explanations,
-        law_of(judgement, last),
+        law,
         tuple(Tolerated(*item) for item in answer.tolerated),
         noise=noise_parts(judgement),
         flagged=_flagged(judgement.base),
@@ -176,8 +177,8 @@ def step_of(
     """One effect as a step. last: fit that gives the parameters."""
     last = last or after
     alike = [e for e in (name, *twins_of(name)) if e in allowed] or [name]
-    p_any_form = _unknown_form(judgement, last)
-    creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike), p_any_form)
+    p_other = law_of(judgement, last).probability
+    creep = creep_of(session, last, tuple(made(e, _values(e, last)) for e in alike), p_other)
     effect = creep.best if len(alike) > 1 else alike[0]
     rivals = [e for e in alike if e != effect and creep.shares[e] > DOUBT]
     instead = _rivals(answer, name)
@@ -263,9 +264,3 @@ def _unnamed_in_streams(
     if found is not None:
         return effect_class(found).follows
     return STALLS_FOLLOW if all(stalls(session) for session in sessions) else None
-
-
-def _unknown_form(judgement: Judgement, fit: Fit) -> float:
-    """Probability of it; 0 if Eq. 5 is adequate."""
-    law = law_of(judgement, fit)
-    return 0.0 if law.adequate else law.probability

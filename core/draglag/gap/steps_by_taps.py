@@ -28,18 +28,18 @@ def waited_s(session: Session, effects: Sequence[Effect]) -> float:
 
 
 def with_taps(
-    session: Session, judgement: Judgement, last: Fit, steps: list[Step], allowed: frozenset[str], p_any_form: float
+    session: Session, judgement: Judgement, last: Fit, steps: list[Step], allowed: frozenset[str], p_other: float
 ) -> tuple[list[Step], Fit]:
     """Steps for a probable difference of taps and drags, and the fit after them. May resize one of ``steps``."""
     parting = [e for name, e in EFFECTS.items() if e.drags_early and name in allowed]
     effects = [made(step.effect, {k: v for k, (v, _) in step.parameters.items()}) for step in steps]
-    offset = clock_offset(session, last, effects, waited_s(session, effects), p_any_form)
+    offset = clock_offset(session, last, effects, waited_s(session, effects), p_other)
     if offset is None or offset.probability < 0.5:
         return [], last
     named = next((k for k, step in enumerate(steps) if effect_class(step.effect).drags_early), None)
     if named is not None:
         early = _lead_of(steps[named])
-        beyond = clock_offset(session, last, effects, waited_s(session, effects), p_any_form, early)
+        beyond = clock_offset(session, last, effects, waited_s(session, effects), p_other, early)
         if beyond is None or beyond.probability < 0.5:
             steps[named] = _sized_by_taps(steps[named], offset)
             return [], last

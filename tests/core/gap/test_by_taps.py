@@ -10,11 +10,11 @@ from draglag.gap.by_taps import Ends
 MS = 1e-3
 
 
-def ends(open_s: float, p_any: float = 0.0) -> Ends:
+def ends(open_s: float) -> Ends:
     """An end that the runs leave open by a standard deviation; releases are known to 1 ms."""
     at_s = np.arange(-50, 50.1, 0.5) * MS
     likely = np.exp(-0.5 * (at_s / max(open_s, 0.1 * MS)) ** 2)
-    return Ends(at_s, likely / likely.sum(), MS**2, (-20 * MS, 40 * MS), p_any)
+    return Ends(at_s, likely / likely.sum(), MS**2)
 
 
 def test_releases_far_off_a_well_known_end_are_an_offset_of_that_size() -> None:
@@ -34,4 +34,5 @@ def test_where_the_runs_leave_the_end_open_by_as_much_they_are_none() -> None:
 
 
 def test_nor_are_they_where_the_curve_may_end_anywhere() -> None:
-    assert ends(0.0, p_any=1.0).offset(9 * MS).probability < 0.1
+    at_s = np.arange(-20, 40.1, 0.5) * MS
+    assert Ends(at_s, np.full(at_s.size, 1 / at_s.size), MS**2).offset(9 * MS).probability < 0.1
