@@ -99,6 +99,16 @@ def test_ages_of_frames_that_jitter_each_by_itself_are_undone(sound: Session) ->
     assert [(one.effect, one.undone) for one in found] == [("sample_hold", True)]
 
 
+def test_a_fast_loop_is_seen_although_arrivals_jitter(sound: Session) -> None:
+    rng = np.random.default_rng(5)
+
+    def held(touch: TouchTrace) -> TouchTrace:
+        shown = held_at(touch, 0.004)
+        return replace(shown, t_s=shown.t_s + rng.exponential(3e-5, shown.t_s.size))
+
+    assert [one.effect for one in inspect(with_touch(sound, held))[0]] == ["sample_hold"]
+
+
 def test_stamps_in_pairs_show_no_age_of_positions() -> None:
     """Half of the steps are within a pair, so that the median is none: without even steps nothing is known of ages."""
     frame_s = 0.008

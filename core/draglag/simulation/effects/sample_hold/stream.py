@@ -23,9 +23,9 @@ from draglag.simulation.effects.timestamp_quantisation.stream import clock_in
 BUS_S = (0.002, 0.004, 0.008, 0.016, 0.032)  # intervals at which USB hosts poll: powers of two of its frames
 BUS_CLOCK = 5e-4  # by which the bus's clock may differ from the kernel's: its specification's tolerance
 FEW_REPEATS = 0.02  # of positions: more than accidents make
-# Of a period: most stamps of a loop lie within the first, half of them within the second (0.24 and 0.04 ms of 8:
-# arrivals jitter by 0.04 ms, usual panels' frames by 3 %). Physical (fact sheet on real screens).
-REGULAR, MEDIAN = 0.03, 0.005
+# Of a period: most stamps of a loop lie within the first, half of them within the second, or within the jitter of
+# arrivals (usual panels' frames jitter by 3 %). Physical (fact sheet on real screens).
+REGULAR, MEDIAN, ARRIVAL_S = 0.03, 0.005, 4e-5
 MOST = 0.97  # of the stamps: a busy host delays single ones. Judgement
 STEPS = 3.0  # of its coordinates that a run advances by from event to event, where a repeat means something
 
@@ -72,7 +72,7 @@ def hold(touches: list[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None
     whole = np.maximum(np.round(intervals / period_s), 1)
     off_s = np.abs(intervals - period_s * whole)
     regular = off_s < REGULAR * period_s
-    even = float(np.mean(regular)) >= MOST and float(np.median(off_s)) < MEDIAN * period_s
+    even = float(np.mean(regular)) >= MOST and float(np.median(off_s)) < max(MEDIAN * period_s, ARRIVAL_S)
     share = _share_of_repeats(touches, step_mm)
     age_s = uneven_age_s(touches, step_mm)
     if share <= FEW_REPEATS and age_s > UNEVEN_AGE * period_s:
