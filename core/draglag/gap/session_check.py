@@ -8,6 +8,7 @@ from draglag.latency.estimate import FEWEST_EDGES
 from draglag.messages import message, phrase
 from draglag.recording import FloatArray, Run, Session
 
+SPREAD = 3  # of the largest drag speed over the smallest, which shows a curve. Judgement
 BACK_AT_MOST = 0.01  # of the touch events may step back in time. Judgement
 
 
@@ -24,16 +25,7 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
                 n=len(steady),
             )
         )
-    speeds = sorted({round(r.nominal_speed_mm_s) for r in steady if r.nominal_speed_mm_s})
-    if speeds and (len(speeds) < 4 or speeds[-1] < 3 * speeds[0]):
-        missing.append(
-            message(
-                "1 drag speed: at least 4, spread over a factor of 3, are needed"
-                if len(speeds) == 1
-                else "{n} drag speeds: at least 4, spread over a factor of 3, are needed",
-                n=len(speeds),
-            )
-        )
+    missing += _too_few_speeds([r.nominal_speed_mm_s for r in steady if r.nominal_speed_mm_s])
     edges = sum(r.laser.t_s.size for r in session.runs)
     if edges < 80:
         missing.append(
@@ -83,6 +75,18 @@ def _is_out_of_order(t_s: FloatArray) -> bool:
 def _edges_while_touched(run: Run) -> int:
     t_s, slack_s = run.touch.t_s, 1.0
     return int(np.count_nonzero((run.laser.t_s > t_s[0] - slack_s) & (run.laser.t_s < t_s[-1] + slack_s)))
+
+
+def _too_few_speeds(nominal_mm_s: list[float]) -> list[str]:
+    speeds = sorted({round(v) for v in nominal_mm_s})
+    if len(speeds) == 1:
+        return [message("1 drag speed: at least 4, spread over a factor of 3, are needed")]
+    if 0 < len(speeds) < 4:
+        return [message("{n} drag speeds: at least 4, spread over a factor of 3, are needed", n=len(speeds))]
+    factor = speeds[-1] / max(speeds[0], 1) if speeds else SPREAD
+    if factor >= SPREAD:
+        return []
+    return [message("drag speeds within a factor of {factor:.1f}: they have to spread over one of 3", factor=factor)]
 
 
 def _travel_mm(run: Run) -> float:

@@ -40,6 +40,15 @@ def test_one_of_a_thing_is_reported_in_the_singular(sound: Session) -> None:
     assert "1 drag speed: at least 4, spread over a factor of 3, are needed" in missing
 
 
+def test_many_speeds_that_are_too_near_each_other_are_reported_by_their_factor(sound: Session) -> None:
+    near = [run for run in sound.runs if 100 < (run.nominal_speed_mm_s or 0) < 260]
+    speeds = [run.nominal_speed_mm_s for run in near if run.nominal_speed_mm_s]
+    near.append(replace(near[0], id="run-99"))  # five runs are needed, too
+    (missing,) = close_gap(replace(sound, runs=tuple(near))).missing
+    factor = max(speeds) / min(speeds)
+    assert missing == f"drag speeds within a factor of {factor:.1f}: they have to spread over one of 3"
+
+
 def test_times_that_are_no_numbers_or_go_back_are_reported_by_run(sound: Session) -> None:
     def holed(t_s: np.ndarray) -> np.ndarray:
         return np.where(np.arange(t_s.size) % 50 == 7, np.nan, t_s)
