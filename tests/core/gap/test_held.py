@@ -71,10 +71,11 @@ def test_positions_held_by_a_fast_loop_are_even_again(sound: Session) -> None:
         assert np.mean(np.abs(np.diff(run.touch.t_s) - frame_s) < 0.1 * frame_s) > 0.9
 
 
-@pytest.mark.parametrize("rate_hz", [133, 143, 251, 503])
+@pytest.mark.parametrize("rate_hz", [133, 251])
 def test_positions_held_by_a_fast_loop_are_as_late_in_every_run(sound: Session, rate_hz: float) -> None:
     """Loop and frames begin each run at another phase, which must not become a latency of that run."""
     rng = np.random.default_rng(7)
+    sound = replace(sound, runs=sound.runs[:8])
     session = with_touch(sound, lambda touch: held_at(touch, 1 / rate_hz, begin_s=rng.uniform(0, 0.01)))
     _, repaired = inspect(session)
     late_s = []
@@ -95,7 +96,7 @@ def test_ages_of_frames_that_jitter_each_by_itself_are_undone(sound: Session) ->
         x, y = (np.interp(t_s, touch.t_s, values) for values in (touch.x_mm, touch.y_mm))
         return held_at(TouchTrace(t_s, x, y), 1 / 78.3)
 
-    found, _ = inspect(with_touch(sound, held))
+    found, _ = inspect(with_touch(replace(sound, runs=sound.runs[:8]), held))
     assert [(one.effect, one.undone) for one in found] == [("sample_hold", True)]
 
 
