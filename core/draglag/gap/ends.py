@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from draglag.curve.forms import FORMS, Form
-from draglag.gap.constants import P_LAW_FORM
+from draglag.gap.constants import P_EFFECT, P_LAW_FORM
 from draglag.gap.fitting.joint import Fit
 from draglag.recording import FloatArray
 
@@ -16,6 +16,7 @@ from draglag.recording import FloatArray
 LAWS = {"double_exponential": 1 - P_LAW_FORM, "adaptive_low_pass": P_LAW_FORM / 2, "power": P_LAW_FORM / 2}
 KNOTS = 24  # speeds, in even steps of ln v: a fifth of it apart, where differences of laws are straight. Derived
 STEP_S = 0.0005  # of the ends that are tried: half of what releases scatter by. Derived
+CLOCKS_OFF_S = 0.03  # below zero that ends are tried: clocks that nobody compared differ by some 10 ms. Physical
 # Mean of what curves fall on beyond the fastest speed, over their fall in the last doubling of speed: a low-pass 1, a
 # logarithm of the speed 1.6, a root 2.4 times. Derived
 AS_MUCH_AGAIN = 2.0
@@ -42,13 +43,14 @@ class _Known:
 def possible_ends(fit: Fit, p_other: float = 0.0) -> tuple[FloatArray, FloatArray]:
     """Latencies (n,) s at which the curve may end far beyond the fastest speed, and their probabilities.
 
-    Before any form is fitted, a curve falls on by as much as it fell last; then by the likeliest curve of each form
-    that ends there. p_other: of another form than these.
+    Before any form is fitted, a curve falls on by as much as it fell last, and below zero only on clocks that are off;
+    then by the likeliest curve of each form that ends there. p_other: of another form than these.
     """
     fastest = float(np.quantile(fit.view.speed, 0.95))
     before_s, last_s = fit.law(np.array([fastest / 2, fastest]))
-    ends_s = np.arange(0.0, last_s + STEP_S, STEP_S)
+    ends_s = np.arange(last_s, min(last_s, 0.0) - CLOCKS_OFF_S, -STEP_S)[::-1]
     falls_on = np.exp(-(last_s - ends_s) / max(AS_MUCH_AGAIN * (before_s - last_s), STEP_S))
+    falls_on *= np.where(ends_s < 0, P_EFFECT, 1.0)
     known = _known(fit)
     logs = [np.log(prior) - 0.5 * _least_costs(known, FORMS[name], ends_s) for name, prior in LAWS.items()]
     log_p = np.log(np.maximum(falls_on, LEAST)) + logsumexp(logs, axis=0)

@@ -82,3 +82,11 @@ def test_of_another_form_a_curve_falls_on_as_it_fell_last(
 ) -> None:
     assert offset_of(*slow, SLOW.a7_ms, p_other=1.0).probability < 0.5
     assert offset_of(*fallen, FALLEN.a7_ms - 12, p_other=1.0).probability > 0.5
+
+
+def test_a_curve_below_zero_is_that_of_a_clock_that_is_off(fallen: tuple[Session, Fit]) -> None:
+    session, fit = fallen
+    law = replace(fit.law, a7_s=fit.law.a7_s - 0.05)
+    offset = offset_of(session, replace(fit, law=law), FALLEN.a7_ms)
+    assert offset.probability > 0.5
+    assert offset.ci95_s[0] < 0.05 < offset.ci95_s[1]
