@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 from draglag.exchange import read_exchange
 from draglag.gap import GapReport, close_gap
 from draglag.protocol.runs import Protocol, load_protocol
-from draglag.recording import Session
+from draglag.recording import Session, TouchTrace
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
@@ -71,3 +73,8 @@ def gap_mm(report: GapReport) -> float:
     """The last gap of a report that has one."""
     assert report.gap_last_mm is not None
     return report.gap_last_mm
+
+
+def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
+    """The session with every touch trace changed."""
+    return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from draglag.exchange import read_exchange
+from core.sound_sessions import recorded, with_touch
 from draglag.gap.streams.evidence import inspect
 from draglag.recording import Session, TouchTrace
 from draglag.simulation.effects.sample_hold.ages import uneven_age_s
 
-SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
-
 
 @pytest.fixture(scope="module")
 def sound() -> Session:
-    return read_exchange(SAMPLES / "none-A")
-
-
-def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
-    return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
+    return recorded()
 
 
 def held_at(touch: TouchTrace, period_s: float, begin_s: float = 0.0) -> TouchTrace:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from draglag.exchange import read_exchange
+from core.sound_sessions import recorded, with_touch
 from draglag.gap.streams.evidence import inspect
 from draglag.recording import FloatArray, Session, TouchTrace
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.base import TouchEvents
 
-SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
-
 
 @pytest.fixture(scope="module")
 def sound() -> Session:
-    whole = read_exchange(SAMPLES / "none-A")
+    whole = recorded()
     return replace(whole, runs=whole.runs[:6])
 
 
@@ -38,10 +34,6 @@ def after(touch: TouchTrace, *texts: str) -> TouchTrace:
     for text in texts:
         events = parse_effect(text).events(events, np.random.default_rng(7))
     return TouchTrace(events.t_s, events.x_mm, events.y_mm, events.contact_id)
-
-
-def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
-    return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from draglag.exchange import read_exchange
+from core.sound_sessions import recorded, with_touch
 from draglag.gap import close_gap
 from draglag.gap.streams.evidence import inspect
 from draglag.protocol.runs import load_protocol
@@ -18,12 +16,10 @@ from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.base import TouchEvents
 
-SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
-
 
 @pytest.fixture(scope="module")
 def sound() -> Session:
-    return read_exchange(SAMPLES / "none-A")
+    return recorded()
 
 
 def at_rate(touch: TouchTrace, rate_hz: float, jitter: float = 0.03, speed: float = 1.0) -> TouchTrace:
@@ -45,10 +41,6 @@ def after(touch: TouchTrace, text: str) -> TouchTrace:
 def rounded(touch: TouchTrace, step_mm: float) -> TouchTrace:
     x, y = (step_mm * np.round(values / step_mm) if step_mm else values for values in (touch.x_mm, touch.y_mm))
     return replace(touch, x_mm=x, y_mm=y)
-
-
-def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
-    return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
 
 
 @pytest.mark.parametrize("width_mm", [0.3, 0.9])

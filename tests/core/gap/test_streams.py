@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from draglag.exchange import read_exchange
+from core.sound_sessions import recorded, with_touch
 from draglag.gap.correction import realise
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import stalls
@@ -27,16 +25,10 @@ from draglag.simulation.effects.base import Edges
 from draglag.simulation.effects.laser_bounce import LaserBounce
 from draglag.simulation.effects.timestamp_quantisation.stream import evened
 
-SAMPLES = Path(__file__).parents[2] / "data" / "exchange"
-
 
 @pytest.fixture(scope="module")
 def sound() -> Session:
-    return read_exchange(SAMPLES / "none-A")
-
-
-def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
-    return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
+    return recorded()
 
 
 def test_stamps_as_coarse_as_the_frames_are_not_taken_for_missing_frames(sound: Session) -> None:
