@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp, ndtr
+from scipy.special import expit, logsumexp, ndtr
 
 from draglag.gap.constants import P_EFFECT, STATED_AT_MOST
-from draglag.gap.ends import possible_ends
+from draglag.gap.ends import LEAST, possible_ends
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.linear import likeliest_levels, linearised, normal
 from draglag.gap.posterior.pool import Pool
@@ -84,37 +84,36 @@ class Ends:
     weights: FloatArray
     variance: float
 
-    def densities(self, off_s: float, more: float) -> FloatArray:
-        """Densities of releases, 1/s, times the ends' probabilities, (k,). more: variance added."""
-        sd_s = float(np.sqrt(self.variance + more))
-        return np.asarray(self.weights * _normal_density((off_s - self.at_s) / sd_s) / sd_s)
+    def log_densities(self, off_s: float, more: float) -> FloatArray:
+        """Log densities of releases, 1/s, times the ends' probabilities, (k,). more: variance added."""
+        variance = self.variance + more
+        squared = (off_s - self.at_s) ** 2 / variance
+        return np.asarray(np.log(np.maximum(self.weights, LEAST)) - 0.5 * (squared + np.log(2 * np.pi * variance)))
 
-    def with_and_without(self, off_s: float) -> tuple[float, float]:
-        """Joint densities of releases with, and without, an offset of the clock, 1/s."""
+    def log_with_and_without(self, off_s: float) -> tuple[float, float]:
+        """Joint log densities of releases with, and without, an offset of the clock."""
         each = ((P_EFFECT, OFFSET_SD_S), (1 - P_EFFECT, 0.0))
-        with_it, without = (p * float(self.densities(off_s, INTEREST_S**2 + sd_s**2).sum()) for p, sd_s in each)
-        return with_it + np.finfo(float).tiny, without + np.finfo(float).tiny
+        with_it, without = (
+            float(np.log(p) + logsumexp(self.log_densities(off_s, INTEREST_S**2 + sd_s**2))) for p, sd_s in each
+        )
+        return with_it, without
 
     def log_density(self, off_s: float) -> float:
         """Log density, with or without an offset."""
-        return float(np.log(sum(self.with_and_without(off_s))))
+        return float(np.logaddexp(*self.log_with_and_without(off_s)))
 
     def offset(self, off_s: float) -> Offset:
         """Posterior of an offset, given releases at ``off_s``."""
-        with_it, without = self.with_and_without(off_s)
-        shares = self.densities(off_s, OFFSET_SD_S**2)
-        shares /= shares.sum()
+        with_it, without = self.log_with_and_without(off_s)
+        # A clock that is off by far more than clocks usually are is no nearer to them than it seems.
+        shares = self.log_densities(off_s, max(OFFSET_SD_S, abs(off_s)) ** 2)
+        shares = np.exp(shares - logsumexp(shares))
         sizes_s, sd_s = off_s - self.at_s, float(np.sqrt(self.variance))
         grid = np.linspace(sizes_s.min() - 4 * sd_s, sizes_s.max() + 4 * sd_s, POINTS)
         below = shares @ ndtr((grid - sizes_s[:, None]) / sd_s)
-        ends = np.interp([0.025, 0.975], below, grid)
-        middle = shares @ sizes_s
-        p = min(with_it / (with_it + without), STATED_AT_MOST)
-        return Offset(float(middle), (float(ends[0]), float(ends[1])), float(p))
-
-
-def _normal_density(z: FloatArray) -> FloatArray:
-    return np.asarray(np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi))
+        low, high = np.interp([0.025, 0.975], below, grid)
+        p = min(float(expit(with_it - without)), STATED_AT_MOST)
+        return Offset(float(shares @ sizes_s), (float(low), float(high)), p)
 
 
 def _ends_beyond(fit: Fit, p_other: float, variance: float = 0.0) -> Ends:

@@ -36,3 +36,12 @@ def test_where_the_runs_leave_the_end_open_by_as_much_they_are_none() -> None:
 def test_nor_are_they_where_the_curve_may_end_anywhere() -> None:
     at_s = np.arange(-20, 40.1, 0.5) * MS
     assert Ends(at_s, np.full(at_s.size, 1 / at_s.size), MS**2).offset(9 * MS).probability < 0.1
+
+
+@pytest.mark.parametrize("off_s", [0.5, -2.0])
+def test_clocks_that_are_off_by_a_second_are_reported_by_as_much(off_s: float) -> None:
+    found = ends(1 * MS).offset(off_s)
+    assert found.probability > 0.9
+    assert found.value_s == pytest.approx(off_s, abs=1e-4)
+    reach_s = 1.96 * np.sqrt(2) * MS  # the end and the releases are known to 1 ms each
+    assert found.ci95_s == pytest.approx((off_s - reach_s, off_s + reach_s), abs=1e-4)
