@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
 from draglag.curve.forms import FORMS, Form
-from draglag.gap.constants import P_EFFECT, P_LAW_FORM
+from draglag.gap.constants import P_EFFECT, P_LAW_FORM, SIZE_OF_INTEREST_MM
 from draglag.gap.fitting.joint import Fit
 from draglag.recording import FloatArray
 
@@ -72,7 +73,13 @@ def _known(fit: Fit) -> _Known:
     size, axes = np.linalg.eigh(information[:KNOTS, :KNOTS])
     sure = size > TRIVIAL * size[-1]
     root = np.sqrt(size[sure])[:, None] * axes[:, sure].T
-    return _Known(speeds, fit.law(speeds), root, axes[:, sure].T @ information[:KNOTS, KNOTS] / np.sqrt(size[sure]))
+    off = axes[:, sure].T @ information[:KNOTS, KNOTS] / np.sqrt(size[sure])
+    # Laws follow a form to what is of interest only.
+    loose = root * (SIZE_OF_INTEREST_MM / speeds)
+    white = solve_triangular(
+        np.linalg.cholesky(np.eye(off.size) + loose @ loose.T), np.column_stack([root, off]), lower=True
+    )
+    return _Known(speeds, fit.law(speeds), white[:, :-1], white[:, -1])
 
 
 def _least_costs(known: _Known, form: Form, ends_s: FloatArray) -> FloatArray:
