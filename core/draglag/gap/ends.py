@@ -13,8 +13,6 @@ from draglag.gap.constants import P_EFFECT, P_LAW_FORM, SIZE_OF_INTEREST_MM
 from draglag.gap.fitting.joint import Fit
 from draglag.recording import FloatArray
 
-# Prior probabilities; one exponential and a constant are special cases of Eq. 5.
-LAWS = {"double_exponential": 1 - P_LAW_FORM, "adaptive_low_pass": P_LAW_FORM / 2, "power": P_LAW_FORM / 2}
 KNOTS = 24  # speeds, in even steps of ln v: a fifth of it apart, where differences of laws are straight. Derived
 STEP_S = 0.0005  # of the ends that are tried: half of what releases scatter by. Derived
 CLOCKS_OFF_S = 0.03  # below zero that ends are tried: clocks that nobody compared differ by some 10 ms. Physical
@@ -53,7 +51,10 @@ def possible_ends(fit: Fit, p_other: float = 0.0) -> tuple[FloatArray, FloatArra
     falls_on = np.exp(-(last_s - ends_s) / max(AS_MUCH_AGAIN * (before_s - last_s), STEP_S))
     falls_on *= np.where(ends_s < 0, P_EFFECT, 1.0)
     known = _known(fit)
-    logs = [np.log(prior) - 0.5 * _least_costs(known, FORMS[name], ends_s) for name, prior in LAWS.items()]
+    # One exponential and a constant are special cases of Eq. 5.
+    other = 0.5 * P_LAW_FORM
+    priors = {"double_exponential": 1 - P_LAW_FORM, "adaptive_low_pass": other, "power": other}
+    logs = [np.log(prior) - 0.5 * _least_costs(known, FORMS[name], ends_s) for name, prior in priors.items()]
     log_p = np.log(np.maximum(falls_on, LEAST)) + logsumexp(logs, axis=0)
     return ends_s, (1 - p_other) * np.exp(log_p - logsumexp(log_p)) + p_other * falls_on / falls_on.sum()
 
