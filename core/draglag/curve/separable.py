@@ -20,6 +20,11 @@ def _columns(form: Form, theta: FloatArray, points: CurvePoints) -> FloatArray:
     return np.asarray(parts[0] if len(parts) == 1 else 0.5 * (parts[0] + parts[1]))
 
 
+def _weighted(weight: FloatArray, values: FloatArray) -> FloatArray:
+    """Values (…, n, p) times weights (n,), or times a matrix (k, n)."""
+    return np.asarray(weight @ values if weight.ndim == 2 else weight[:, None] * values)
+
+
 def evaluated_ms(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray:
     k = len(form.shape_names)
     return np.asarray(form.columns(values[None, :k], speed)[0] @ values[k:])
@@ -54,13 +59,16 @@ def jacobian_ms(form: Form, values: FloatArray, speed: FloatArray) -> FloatArray
 def solved(
     form: Form, points: CurvePoints, weight: FloatArray, tied_s: float | None, start: FloatArray | None
 ) -> FloatArray:
-    """Best values over the grid (or from a start), polished."""
-    latency_ms, weight = 1e3 * points.latency_s, 1e-3 * weight
-    target = latency_ms * weight
+    """Best values over the grid (or from a start), polished.
+
+    weight: of each point (n,), 1/s; or (k, n) of what whitens correlated points.
+    """
+    weight = 1e-3 * weight
+    target = _weighted(weight, 1e3 * points.latency_s[:, None])[:, 0]
     k = len(form.shape_names)
 
     def at(theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        columns = _columns(form, theta, points) * weight[:, None]
+        columns = _weighted(weight, _columns(form, theta, points))
         cost, amplitude = _non_negative(columns, target, tied_s)
         return cost, amplitude, (columns @ amplitude[:, :, None])[:, :, 0] - target
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import expit, logsumexp, ndtr
 
 from draglag.gap.constants import P_EFFECT, STATED_AT_MOST
-from draglag.gap.ends import LEAST, possible_ends
+from draglag.gap.ends import OFFSET_SD_S, possible_ends
 from draglag.gap.fitting.joint import Fit
 from draglag.gap.posterior.linear import likeliest_levels, linearised, normal
 from draglag.gap.posterior.pool import Pool
@@ -20,7 +20,6 @@ from draglag.simulation.effects import Effect
 # How far releases of a sound rig lie from the asymptote, from panel to panel. Physical (fact sheet on taps).
 TAP_SD_S = 0.0009
 INTEREST_S = 0.0015  # tolerated: at 100 mm/s 0.15 mm, and a panel may treat a lift as it likes. Judgement
-OFFSET_SD_S = 0.01  # of an offset of interest: clocks that nobody compared differ by some milliseconds. Physical
 FEWEST = 15  # releases: a median's standard error of a third of their scatter. Derived
 POINTS = 2001  # of the grid on which an offset's interval is read: a hundredth of a millisecond. Derived
 AT_AN_END = 0.3  # of the time over which taps were made: those before and after the drags. Judgement
@@ -88,7 +87,9 @@ class Ends:
         """Log densities of releases, 1/s, times the ends' probabilities, (k,). more: variance added."""
         variance = self.variance + more
         squared = (off_s - self.at_s) ** 2 / variance
-        return np.asarray(np.log(np.maximum(self.weights, LEAST)) - 0.5 * (squared + np.log(2 * np.pi * variance)))
+        return np.asarray(
+            np.log(np.maximum(self.weights, np.finfo(float).tiny)) - 0.5 * (squared + np.log(2 * np.pi * variance))
+        )
 
     def log_with_and_without(self, off_s: float) -> tuple[float, float]:
         """Joint log densities of releases with, and without, an offset of the clock."""

@@ -229,6 +229,8 @@ def _of_neighbours(windows: Sequence[IntArray], frame: float) -> float:
         before[1:] = before[:-1] * kinds.size + each[:-1]
         before = np.unique(before, return_inverse=True)[1]
         whole = in_window >= order
+        if not whole.any():
+            break  # no window is that long
         followed, counts = np.unique(before[whole] * kinds.size + each[whole], return_counts=True)
         totals = np.bincount(followed // kinds.size, weights=counts)
         totals = totals[totals > 0]

@@ -27,8 +27,9 @@ FASTEST = 6  # runs that determine α: the faster, the less a position's noise i
 NEAR_JUMP = 0.2  # of a turn: a jump may come so much sooner or later
 LEAST_GAIN = 0.25
 """Share of the fast runs' deviations that the sawtooth has to explain. Calibrated: frames that keep their phase give
-0.35 to 0.9 (17 sessions of two generators), frames whose jitter adds up at most 0.16 in the median run (five sessions):
-ages are then wrong for many events in a row, which no window averages."""
+0.62 to 0.93 (13 sessions of four generators), frames whose jitter adds up, that are lost in bursts or come twice a tick
+at most 0.22 in the median run (four sessions): ages are then wrong for many events in a row, which no window
+averages."""
 HEIGHT = (0.45, 1.1)  # of the frames' period, that a sawtooth may seem to have: frames that jitter blur its jumps
 
 
@@ -44,7 +45,7 @@ class _Deviation:
 def undo_sample_hold(touches: Sequence[TouchTrace], period_s: float) -> list[TouchTrace] | None:
     """Traces without repeats, with all positions of the mean age; None if the beat cannot be seen.
 
-    touches: with their repeats, whose ages alone are those of a faster loop's oldest. period_s: of the loop.
+    touches: with their repeats, for first showings alone leave the phase of a faster loop open. period_s: of the loop.
     """
     deviations = [_deviation(touch, period_s) for touch in touches]
     fast = sorted((d for d in deviations if d is not None), key=lambda d: -float(d.weight.mean()))[:FASTEST]
