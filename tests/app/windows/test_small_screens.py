@@ -118,6 +118,9 @@ def test_names_of_alternative_curves_cover_no_run(
         places = [item.vb.mapViewToScene(QPointF(x, y)) for one in runs for x, y in zip(*one.getData(), strict=True)]
         assert len(places) >= 6
         assert [place for place in places if covered.contains(place)] == []
+        whole = item.vb.sceneBoundingRect()
+        highest = min(place.y() for place in places)
+        assert whole.bottom() - highest > whole.height() / 3  # names one below the other leave a quarter
     finally:
         use_language(qapp, "en")
 

@@ -15,6 +15,7 @@ from draglag_app.windows.plots.plot_values import Column
 from draglag_app.windows.wording import words
 
 SYMBOLS = ("o", "s", "t", "d", "x")
+_FEW_NAMES = 4  # that a legend has one below the other: more take the height from the runs
 _AROUND_PX = 30  # from the legend to the corner, and half a point of a run
 _LEAST_BELOW = 0.1  # of the height: a plot that is lower than its legend shows no runs below it
 
@@ -67,6 +68,7 @@ class CurvePlot(Plot):
         ):
             if chosen:
                 self._runs(name, chosen, symbol, colour, clicked)
+        self._spread_legend()
         if good:
             self._fit_ranges(good, out)
 
@@ -76,6 +78,14 @@ class CurvePlot(Plot):
             speed = speeds_of(alternative)
             latency_ms = self._less_base_ms(speed, alternative.predict_s(speed))
             self.line(words.form_name(alternative.form), speed, latency_ms, colours[k % 4], 1.5, dash=True)
+
+    def _spread_legend(self) -> None:
+        """Many names in two columns, if the plot is wide enough for them."""
+        if self.legend is None:
+            return
+        self.legend.setColumnCount(2 if len(self.legend.items) > _FEW_NAMES else 1)
+        if self.legend.boundingRect().width() + _AROUND_PX > self.getPlotItem().vb.boundingRect().width():
+            self.legend.setColumnCount(1)
 
     def _fit_ranges(self, good: list[RunEstimate], out: set[str]) -> None:
         # The margin below is for the labels of zero.
