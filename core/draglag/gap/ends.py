@@ -21,6 +21,7 @@ OFFSET_SD_S = 0.01  # of an offset of interest: clocks that nobody compared diff
 # Mean of what curves fall on beyond the fastest speed, over their fall in the last doubling of speed: a low-pass 1, a
 # logarithm of the speed 1.6, a root 2.4 times. Derived
 AS_MUCH_AGAIN = 2.0
+IMPROBABLE = 20.0  # nats. Ends by so much less likely than a higher one are none: no stated figure shows e⁻²⁰. Derived
 TRIVIAL = 1e-9  # of the largest information: directions of less are rounding. Derived
 
 
@@ -49,17 +50,20 @@ def _weighed(fit: Fit) -> tuple[FloatArray, FloatArray, FloatArray]:
     # One exponential and a constant are special cases of Eq. 5.
     other = 0.5 * P_LAW_FORM
     priors = {"double_exponential": 1 - P_LAW_FORM, "adaptive_low_pass": other, "power": other}
-    each = [
-        [np.log(prior) - 0.5 * _least_cost(FORMS[name], points, white, float(end_s)) for end_s in ends_s]
-        for name, prior in priors.items()
-    ]
+    each = [np.log(prior) - 0.5 * _least_costs(FORMS[name], points, white, ends_s) for name, prior in priors.items()]
     return ends_s, falls_on, np.asarray(logsumexp(each, axis=0))
 
 
-def _least_cost(form: Form, points: CurvePoints, white: FloatArray, end_s: float) -> float:
-    """−2 ln likelihood of the form's likeliest curve that ends there."""
-    values = solved(form, points, white, end_s, None)
-    return float(np.sum((white @ (1e-3 * evaluated_ms(form, values, points.speed_mm_s) - points.latency_s)) ** 2))
+def _least_costs(form: Form, points: CurvePoints, white: FloatArray, ends_s: FloatArray) -> FloatArray:
+    """−2 ln likelihood of the form's likeliest curve at each rising end, (n,); ∞ below those that may be."""
+    out = np.full(ends_s.size, np.inf)
+    for k in reversed(range(ends_s.size)):
+        values = solved(form, points, white, float(ends_s[k]), None)
+        missed = white @ (1e-3 * evaluated_ms(form, values, points.speed_mm_s) - points.latency_s)
+        out[k] = float(missed @ missed)
+        if out[k] > out.min() + 2 * IMPROBABLE:
+            break
+    return out
 
 
 def _known(fit: Fit) -> tuple[CurvePoints, FloatArray]:
