@@ -36,7 +36,7 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
     """One refit for each way in which it shows."""
     skips = find_skips(as_shown(before.runs))
     switching = find_switching(before)
-    step = find_step(before.runs, latency_of_terms(before)) if before.law.plateau_mm_s <= 0 else None
+    step = _step_of(before)
     setting = Setting.of(theta)
     if skips is not None and skips.above_mm_s is not None:
         setting, skips = skips.setting, None
@@ -56,9 +56,18 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 
 def shown_by_edges(before: Fit) -> bool:
-    """Whether edges' latencies lie on two lasting levels, or events skip."""
+    """Whether edges' latencies lie on two lasting levels, or runs' on two curves, or events skip."""
     found = find_switching(before)
-    return (found is not None and found.gain > 0) or find_skips(as_shown(before.runs)) is not None
+    return (
+        (found is not None and found.gain > 0)
+        or _step_of(before) is not None
+        or find_skips(as_shown(before.runs)) is not None
+    )
+
+
+def _step_of(before: Fit) -> Step | None:
+    """Step of the curve that runs' latencies show next to a fit's effects; none on a plateau."""
+    return None if before.law.plateau_mm_s > 0 else find_step(before.runs, latency_of_terms(before))
 
 
 def _above_a_speed(
