@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from draglag.latency import estimate_on_clock
 from draglag.latency.conduct import is_usable, with_conduct
-from draglag.latency.estimate import CONSTANT_SPEED
+from draglag.latency.steady import has_constant_speed
 from draglag.recording import ClockBounds, Run
 
 UNUSABLE = "unusable"
@@ -20,7 +20,7 @@ def went_wrong(run: Run, outcome: str, clocks: Sequence[ClockBounds], stylus_mm:
     """
     if outcome != "complete":
         return outcome
-    if run.protocol not in CONSTANT_SPEED:  # recorded for the validation, which needs no latency of its own
+    if not has_constant_speed(run):  # recorded for the validation, which needs no latency of its own
         return ""
     estimate = with_conduct(estimate_on_clock(run, clocks, stylus_mm), run)
     return "" if is_usable(estimate) else UNUSABLE

@@ -5,10 +5,10 @@ from draglag.analysis.session import (
     AnalysisOptions,
     analyze,
     curve_points,
-    has_constant_speed,
     mean_by_protocol,
     with_stylus,
 )
+from draglag.latency.steady import has_constant_speed
 
 __all__ = [
     "Analysis",

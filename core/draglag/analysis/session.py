@@ -15,9 +15,10 @@ from draglag.instruments.taps import TapSummary, summarise_taps
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.budget import common_delay_u_s
 from draglag.latency.conduct import gives_point, recorded_again, why_excluded, with_conduct
-from draglag.latency.estimate import CONSTANT_SPEED, WINDOW_S, prepare
+from draglag.latency.estimate import WINDOW_S, prepare
 from draglag.latency.estimators import estimator_of
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
+from draglag.latency.steady import changing_warnings, has_constant_speed
 from draglag.messages import message
 from draglag.provenance import Source, source_of
 from draglag.recording import Run, Session
@@ -151,11 +152,6 @@ class Analysis:
         return axes
 
 
-def has_constant_speed(run: Run) -> bool:
-    """Whether one latency describes the run; others serve validation."""
-    return run.protocol in CONSTANT_SPEED
-
-
 @one_blas_thread
 def analyze(session: Session, options: AnalysisOptions | None = None, progress: Progress | None = None) -> Analysis:
     """All estimates of a session. Raises EstimateError for an unknown estimator or curve form, or a width of no
@@ -195,6 +191,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     problems += trouble
     width = width_check(estimates, session.stylus.diameter_mm)
     warnings = [*warnings_of(session, standing, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
+    warnings += changing_warnings(session.runs)
     warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
     on_progress(1.0, "done")
     return Analysis(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from draglag.latency.estimate import FEWEST_EDGES
+from draglag.latency.steady import has_constant_speed
 from draglag.messages import message, phrase
 from draglag.recording import FloatArray, Run, Session
 
@@ -14,7 +15,7 @@ BACK_AT_MOST = 0.01  # of the touch events may step back in time. Judgement
 
 def what_is_missing(session: Session) -> tuple[str, ...]:
     """What a session lacks for a verdict, in words."""
-    steady = [r for r in session.runs if r.protocol in ("circle", "free") and r.laser.t_s.size >= FEWEST_EDGES]
+    steady = [r for r in session.runs if has_constant_speed(r) and r.laser.t_s.size >= FEWEST_EDGES]
     missing: list[str] = []
     if len(steady) < 5:
         missing.append(

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate
+from draglag.latency.estimate import RunEstimate
 from draglag.latency.run import estimate_run
+from draglag.latency.steady import CHANGED, has_constant_speed
 from draglag.recording import FloatArray, Run, Session
 
 # Source of the entry in a run's log that says that the recording program, or its computer, stood still.
@@ -20,8 +21,6 @@ FEWEST_PASSES = 0.5
 # Measured over nominal speed. People fall behind fast targets by a fifth; a run that is half or twice as fast as
 # asked was another movement.
 NOTICEABLY, FAR = 1.25, 2.0
-# Second half over first half of a run: a mean over two speeds is no point of a curve that bends.
-CHANGED = 1.5
 Estimates = tuple[tuple[Run, RunEstimate], ...]
 EXCLUDED = (
     "aborted", "device_lost", "failed", PRACTICE, STANDSTILL, "laser_missing", "far_from_nominal", "speed_changed"
@@ -99,7 +98,7 @@ def recorded_again(runs: Sequence[Run], estimates: Iterable[RunEstimate], exclud
 
 def estimated(session: Session) -> Estimates:
     """Estimates of the runs at constant speed."""
-    steady = [run for run in session.runs if run.protocol in CONSTANT_SPEED]
+    steady = [run for run in session.runs if has_constant_speed(run)]
     return tuple((run, estimate_run(run, session.stylus.diameter_mm)) for run in steady)
 
 

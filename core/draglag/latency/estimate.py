@@ -17,7 +17,7 @@ from draglag.shown import brief
 WINDOW_S = (0.0, 0.4)  # latencies searched
 FEW_EDGES = 8  # below this an interval means little
 FEWEST_EDGES = 6  # below this nothing is estimated: four parameters are
-CONSTANT_SPEED = ("circle", "free")
+GUESS_S = 0.06  # of a latency where none is known. Physical: a usual touchscreen
 
 
 @dataclass(frozen=True)

@@ -138,3 +138,26 @@ def test_repeats_of_a_speed_count_once() -> None:
     speed = np.repeat([50.0, 100.0, 400.0], 5) * np.tile([0.98, 0.99, 1.0, 1.01, 1.02], 3)
     with pytest.raises(EstimateError, match="3 different speeds"):
         fit_best(CurvePoints(speed, np.full(15, 0.05), np.full(15, 1e-4)))
+
+
+def swinging(run: Run, share: float) -> Run:
+    """The run on a clock by which its speed swings by a share of its mean, every 2 s."""
+
+    def warped(t_s: np.ndarray) -> np.ndarray:
+        since_s = t_s - run.touch.t_s[0]
+        return np.asarray(t_s + share / np.pi * np.sin(np.pi * since_s))
+
+    touch, laser = replace(run.touch, t_s=warped(run.touch.t_s)), replace(run.laser, t_s=warped(run.laser.t_s))
+    return replace(run, protocol="free", touch=touch, laser=replace(laser, device_t_s=np.empty(0)))
+
+
+@pytest.mark.parametrize(("share", "in_curve"), [(0.1, True), (0.6, False)])
+def test_a_free_drag_is_a_point_of_the_curve_only_at_one_speed(session: Session, share: float, in_curve: bool) -> None:
+    """A mean latency at a mean speed is no point of a curve that bends: such a drag is compared with it, as a chirp."""
+    run = of(session, 290.0)
+    found = analyze(with_run(session, swinging(run, share)))
+    assert found.curve is not None
+    assert found.curve.n_points == len(session.runs) - (not in_curve)
+    assert (run.id in {one.id for one in found.runs}) == in_curve
+    assert (run.id in {one.run for one in found.validation}) == (not in_curve)
+    assert any("free drag" in words and run.id in words for words in found.warnings) == (not in_curve)

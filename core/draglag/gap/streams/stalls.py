@@ -7,7 +7,7 @@ import numpy as np
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.streams.evidence import FEWEST
 from draglag.gap.streams.stamps import OF_STEPS, repeats, resolution_mm, stood
-from draglag.latency.estimate import CONSTANT_SPEED
+from draglag.latency.steady import has_constant_speed
 from draglag.recording import FloatArray, Session, TouchTrace
 
 FOLLOWS = "frame"
@@ -18,7 +18,7 @@ AVERAGED = 9  # events, of the narrowest window in which a position is fitted. D
 
 def stalls(session: Session) -> bool:
     """Whether what a host or a panel held back moves positions of steady runs by a size of interest, RMS."""
-    steady = [run.touch for run in session.runs if run.protocol in CONSTANT_SPEED]
+    steady = [run.touch for run in session.runs if has_constant_speed(run)]
     touches = [touch for touch in steady if touch.t_s.size > FEWEST]
     step_mm = resolution_mm(touches) if touches else 0.0
     moved = [_delayed_mm(touch) + _stood_mm(touch, step_mm) for touch in touches]

@@ -16,7 +16,8 @@ from draglag.gap.traces.law_speed import COARSE_S, padded
 from draglag.gap.traces.searched import searched
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.conduct import Estimates
-from draglag.latency.estimate import CONSTANT_SPEED, FEWEST_EDGES, RunEstimate, prepare
+from draglag.latency.estimate import FEWEST_EDGES, GUESS_S, RunEstimate, prepare
+from draglag.latency.steady import has_constant_speed
 from draglag.messages import message
 from draglag.path.events import contact_losses, sample_interval_s
 from draglag.path.local_fit import local_fit
@@ -24,7 +25,6 @@ from draglag.path.motion import best_half_width_s, speed_half_widths_s
 from draglag.recording import FloatArray, Run, Session
 from draglag.simulation.effects.in_fits import Undoing, UndoneTrace
 
-GUESS_S = 0.06  # of a latency where none is known. Physical: a usual touchscreen
 # Of a circle, over half a window: a cubic is true there to 0.2 % of the way off its centre line. Derived.
 CUBIC_RAD = 0.85
 
@@ -133,7 +133,7 @@ def gather(session: Session, estimates: Estimates = ()) -> tuple[RunData, ...]:
         edges, estimate = ready.edges, None
         if edges.t_s.size < FEWEST_EDGES:
             continue
-        if run.protocol in CONSTANT_SPEED:
+        if has_constant_speed(run):
             estimate = found[id(run)]
             if estimate.latency_s is None or estimate.alignment is None:
                 continue

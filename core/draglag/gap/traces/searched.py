@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from draglag.latency.conduct import Estimates
-from draglag.latency.estimate import CONSTANT_SPEED, RunEstimate
+from draglag.latency.estimate import RunEstimate
 from draglag.latency.run import estimate_run
+from draglag.latency.steady import has_constant_speed
 from draglag.recording import Run, Session
 
 SEARCHED_S = (-0.15, 0.45)  # latencies: a clock may be off. Physical
@@ -22,7 +23,7 @@ def searched(session: Session) -> Estimates:
     found: dict[str, tuple[Run, RunEstimate]] = {}
     before: list[float] = []
     for run in sorted(session.runs, key=lambda run: run.start_s):
-        if run.protocol not in CONSTANT_SPEED:
+        if not has_constant_speed(run):
             continue
         usual_s = float(np.median(before[-NEIGHBOURS:])) if before else PANELS_S[0]
         moved_s = usual_s - float(np.clip(usual_s, *PANELS_S))

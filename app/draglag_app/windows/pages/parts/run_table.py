@@ -11,6 +11,7 @@ from PySide6.QtGui import QBrush, QColor, QResizeEvent
 from PySide6.QtWidgets import QHeaderView, QTableWidget, QTableWidgetItem, QWidget
 
 from draglag.latency import RunEstimate
+from draglag.latency.steady import has_constant_speed
 from draglag.recording import Run
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import theme, wide
@@ -138,7 +139,7 @@ class RunTable(QTableWidget):
             self.insertRow(row)
         if outcome != "complete":
             level, text = "bad", words.outcome_name(outcome)
-        elif run.protocol in ("circle", "free"):
+        elif has_constant_speed(run):
             level, text = "", tr("estimating…")
         else:
             level, text = "", tr("for validation")
