@@ -21,16 +21,17 @@ from draglag.simulation.law import USUAL_LATENCY_S
 USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, LATEST_OF_SOUND_S))
 LONGEST_S = 0.3
 DELAYS_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
+EARLIER_S = (0.035, 0.07, 0.12)
 OTHER: tuple[SpeedDelay, ...] = (
     *((0.0, s) for s in DELAYS_S),
-    (0.0, -0.035),
+    *((0.0, -s) for s in EARLIER_S),
     (1.0, -0.5 * USUAL_LATENCY_S),
 )
 FEW: tuple[SpeedDelay, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, 0.15), (0.0, -0.035), OTHER[-1])  # enough to see another
 LEAST_LEFT_S = 0.003  # of a delay: the placing is true to that
 LONGER = 1.4  # times the likeliest delay: hardly less likely where speeds are read from long windows
 KEPT = 0.9  # of the edges of steady runs, that a delay has to place
-ROUNDS = 2
+ROUNDS = 3
 
 
 def shown_by_traces(before: Fit) -> float:
@@ -56,21 +57,35 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         return []
     term = Term(LaggingLaw.id, delay, (0.0,))
     best, out = before, list[Fit | None]()
+    tried: list[tuple[float, float]] = []  # delays, and what was left at each
     for _ in range(ROUNDS):
         fit = refit(session, before, [*before.terms, term])
-        if fit is None or gained_nats(best, fit) < 0:
+        if fit is None:
             break
-        best = fit
-        out.append(fit)
         left_s = fit.terms[-1].sizes[0]
+        tried.append((_delay_s(term), left_s))
+        if gained_nats(best, fit) >= 0:
+            best = fit
+        elif len(tried) < 2 or left_s * tried[-2][1] > 0:
+            break  # it lies neither here nor between the last two
+        out.append(fit)
         if abs(left_s) < LEAST_LEFT_S:
             break
-        term = with_remaining_delay(term, left_s)
+        term = with_remaining_delay(term, step_s(tried))
     if out:
         last = best.terms[-1]
         longer = with_remaining_delay(last, (LONGER - 1) * _delay_s(last))
         out.append(refit(session, before, [*before.terms, longer]))
     return out
+
+
+def step_s(tried: Sequence[tuple[float, float]]) -> float:
+    """Step from the last delay to where nothing is left: by the secant where the last two lie on either side of it."""
+    delay_s, left_s = tried[-1]
+    before_s, left_before_s = tried[-2] if len(tried) > 1 else (delay_s, left_s)
+    if left_s * left_before_s >= 0:
+        return left_s
+    return (before_s - delay_s) * left_s / (left_s - left_before_s)
 
 
 def with_remaining_delay(term: Term, left_s: float) -> Term:
