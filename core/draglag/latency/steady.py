@@ -15,6 +15,7 @@ from draglag.recording import Run
 # Faster over slower speed of a run: a mean over two speeds is no point of a curve that bends. Judgement
 CHANGED = 1.5
 SPREAD = (CHANGED - 1) / (CHANGED + 1)  # standard deviation over mean of two speeds that far apart. Derived
+LISTED = 5  # ids in a sentence. Judgement
 HALF_S = 0.1  # half window of a speed: hands change theirs at 1 to 3 Hz. Physical
 
 
@@ -24,16 +25,19 @@ def has_constant_speed(run: Run) -> bool:
 
 
 def changing_warnings(runs: Iterable[Run]) -> list[str]:
-    """Words on each free drag that is no point of the curve."""
+    """Words on free drags that are no points of the curve; none without."""
+    changing = [run.id for run in runs if run.protocol == "free" and not has_constant_speed(run)]
+    if not changing:
+        return []
+    listed = ", ".join(changing[:LISTED]) + (", …" if len(changing) > LISTED else "")
     return [
         message(
-            "{run}: a free drag whose speed at the edges spreads by {percent:.0f} %: compared with the curve, no point "
-            "of it",
-            run=run.id,
-            percent=100 * speed_spread(run),
+            "1 free drag changes its speed: compared with the curve, no point of it ({runs})"
+            if len(changing) == 1
+            else "{n} free drags change their speed: compared with the curve, no points of it ({runs})",
+            n=len(changing),
+            runs=listed,
         )
-        for run in runs
-        if run.protocol == "free" and not has_constant_speed(run)
     ]
 
 

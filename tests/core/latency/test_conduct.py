@@ -161,3 +161,13 @@ def test_a_free_drag_is_a_point_of_the_curve_only_at_one_speed(session: Session,
     assert (run.id in {one.id for one in found.runs}) == in_curve
     assert (run.id in {one.run for one in found.validation}) == (not in_curve)
     assert any("free drag" in words and run.id in words for words in found.warnings) == (not in_curve)
+
+
+def test_many_free_drags_are_one_warning(session: Session) -> None:
+    runs = tuple(
+        swinging(run, 0.6) if run.nominal_speed_mm_s and run.nominal_speed_mm_s > 70 else run for run in session.runs
+    )
+    free = [run.id for run in runs if run.protocol == "free"]
+    (words,) = [words for words in analyze(replace(session, runs=runs)).warnings if "free drags" in words]
+    assert words.startswith(f"{len(free)} free drags")
+    assert free[0] in words
