@@ -287,3 +287,14 @@ def test_a_fit_s_effect_alone_is_judged_at_the_noise_that_is_likely_with_it_alon
     best = likeliest_levels(seen, alone.members, alone.scales_mm, Components(run_mm=0.1))
     assert best.run_mm > 0.0
     assert value > log_evidence(searched(seen, (normal(seen, best),)), alone)[0] - 1.0
+
+
+def test_a_run_of_changing_speed_is_no_run_that_lies_off_the_curve() -> None:
+    """Its level is open already, as a part of the noise: a misfit of another shape would pass for a level."""
+    session = sound_sessions.brief()
+    fit = fit_session(session, gather(session))
+    members = linearised(fit, frozenset()).members
+    levels = {int(one.theta[0]) for one in members if one.name == "?run:latency" and one.theta}
+    steady = {k for k, data in enumerate(fit.runs) if data.run.protocol == "circle"}
+    assert levels == steady
+    assert len(steady) < len(fit.runs) == np.unique(fit.run_index).size

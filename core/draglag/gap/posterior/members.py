@@ -94,9 +94,10 @@ def _levels(fit: Fit) -> list[Member]:
     lever = fit.view.v_across * fit.view.stretch
     ids = np.unique(fit.run_index)
     runs = (fit.run_index[:, None] == ids).astype(float)
-    single = float(np.log(constants.P_JUMP / ids.size))
+    levels = [k for k in ids if fit.runs[k].steady]  # that of a run of changing speed is left open by the noise
+    single = float(np.log(constants.P_JUMP / max(len(levels), 1)))
     alone = [
-        Member(f"{UNNAMED}run:latency", (float(k),), -(lever * (fit.run_index == k))[:, None], single) for k in ids
+        Member(f"{UNNAMED}run:latency", (float(k),), -(lever * (fit.run_index == k))[:, None], single) for k in levels
     ]
     v, a = fit.placed.v_mm_s[fit.use], fit.placed.a_mm_s2[fit.use]
     bends = v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]

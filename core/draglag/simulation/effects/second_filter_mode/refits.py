@@ -57,10 +57,10 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
 
 def shown_by_edges(before: Fit) -> bool:
     """Whether edges' latencies lie on two lasting levels, or runs' on two curves, or events skip."""
-    found = find_switching(before)
+    found, step = find_switching(before), _step_of(before)
     return (
         (found is not None and found.gain > 0)
-        or _step_of(before) is not None
+        or (step is not None and step.alone)
         or find_skips(as_shown(before.runs)) is not None
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,12 +18,16 @@ LEAST_GAIN = 12.0
 
 @dataclass(frozen=True)
 class Step:
-    """Eq. 5 plus ``size_s`` above a threshold between two runs' speeds; gain in χ²."""
+    """Eq. 5 plus ``size_s`` above a threshold between two runs' speeds; gain in χ².
+
+    alone: whether it explains more than it leaves, and no single run that is off explains as much.
+    """
 
     law: LawParameters
     between_mm_s: tuple[float, float]
     size_s: float
     gain: float
+    alone: bool = False
 
     def thresholds_mm_s(self, count: int = 13) -> FloatArray:
         """Candidate thresholds, a little beyond both runs."""
@@ -48,6 +52,7 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
     base = np.stack([*(np.exp(-rates[:, [k]] * v) for k in (0, 1)), np.ones((rates.shape[0], v.size))], axis=2)
     plain, _ = _solve(base, latency, weight)
     best: Step | None = None
+    left_over = np.inf
     for left, right in pairwise(v[1:-1]):
         threshold = float(np.sqrt(left * right))
         step = np.broadcast_to((v > threshold).astype(float)[None, :, None], (rates.shape[0], v.size, 1))
@@ -59,8 +64,13 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
         if gain > (LEAST_GAIN if best is None else best.gain):
             a1, a4, a7, size = (float(q) for q in solution[k])
             law = LawParameters(max(a1, 1e-3), float(rates[k, 0]), max(a4, 1e-3), float(rates[k, 1]), a7)
-            best = Step(law, (float(left), float(right)), size, gain)
-    return best
+            best, left_over = Step(law, (float(left), float(right)), size, gain), float(chi2[k])
+    if best is None or best.gain < left_over:
+        return best
+    rival = min(
+        _solve(np.delete(base, j, 1), np.delete(latency, j), np.delete(weight, j))[0].min() for j in range(v.size)
+    )
+    return replace(best, alone=bool(rival > left_over + LEAST_GAIN))
 
 
 def _solve(columns: FloatArray, latency: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from draglag.recording import FloatArray, IntArray
+from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting
 
 if TYPE_CHECKING:
@@ -22,11 +22,8 @@ def near_switch(placed: Placed, setting: Setting, size_s: float) -> FloatArray:
     """Probability (m,) that an edge lies so near a switch that its state is unsure, or its position averages both."""
     if setting.by is By.SPEED:
         unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
-        above_mm_s = placed.speed_mm_s - setting.above
-        # Where a run switches its positions jump, and the speeds read about a jump are wrong.
-        jumps = _in_any(placed.run, above_mm_s > 0) & _in_any(placed.run, above_mm_s < 0)
-        unsure_mm_s += jumps[placed.run] * placed.speed_mm_s * abs(size_s) / placed.speed_half_s
-        near = np.abs(above_mm_s) < unsure_mm_s
+        unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
+        near = np.abs(placed.speed_mm_s - setting.above) < unsure_mm_s
         # In a run that is about the threshold all along, the other edges are those whose speed was read wrong.
         share = np.bincount(placed.run, near) / np.maximum(np.bincount(placed.run), 1)
         return np.asarray((near | (share >= MOSTLY)[placed.run]).astype(float))
@@ -45,11 +42,6 @@ def near_switch(placed: Placed, setting: Setting, size_s: float) -> FloatArray:
         share = np.where(exact, inside_s >= 0, np.clip(inside_s / width_s, 0, 1))
         out = np.maximum(out, share)
     return out
-
-
-def _in_any(run: IntArray, edges: np.ndarray) -> np.ndarray:
-    """Whether any edge of each run is one of these, (runs,)."""
-    return np.bincount(run, edges) > 0
 
 
 def _between_edges(placed: Placed, times: FloatArray) -> tuple[FloatArray, FloatArray]:
