@@ -21,10 +21,10 @@ from draglag.simulation.law import USUAL_LATENCY_S
 USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, LATEST_OF_SOUND_S))
 LONGEST_S = 0.3
 DELAYS_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
-EARLIER_S = (0.035, 0.07, 0.12)
+LATER_S = (0.035, 0.07, 0.12)  # than the edge
 OTHER: tuple[SpeedDelay, ...] = (
     *((0.0, s) for s in DELAYS_S),
-    *((0.0, -s) for s in EARLIER_S),
+    *((0.0, -s) for s in LATER_S),
     (1.0, -0.5 * USUAL_LATENCY_S),
 )
 FEW: tuple[SpeedDelay, ...] = ((0.0, 0.05), (0.0, 0.1), (0.0, 0.15), (0.0, -0.035), OTHER[-1])  # enough to see another
