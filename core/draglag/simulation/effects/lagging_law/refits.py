@@ -21,7 +21,7 @@ from draglag.simulation.law import USUAL_LATENCY_S
 USUAL: tuple[SpeedDelay, ...] = ((0.0, 0.0), (0.0, LATEST_OF_SOUND_S))
 LONGEST_S = 0.3
 DELAYS_S = (0.025, 0.035, 0.05, 0.07, 0.1, 0.15)
-LATER_S = (0.035, 0.07, 0.12)  # than the edge
+LATER_S = (0.035, 0.07, 0.12)  # after the edge's moment: as late as slow drags are reported
 OTHER: tuple[SpeedDelay, ...] = (
     *((0.0, s) for s in DELAYS_S),
     *((0.0, -s) for s in LATER_S),

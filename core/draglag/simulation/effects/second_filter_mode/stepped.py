@@ -13,6 +13,8 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode import RUNS_DIFFER_S
 
 RATES_S_MM = np.geomspace(8e-4, 0.06, 24)
+# χ² that a step has to gain, and to leave less than any run left out does. Judgement: twice what its name (ln 50) and
+# the choice among a dozen thresholds cost in nats.
 LEAST_GAIN = 12.0
 
 
@@ -52,7 +54,6 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
     base = np.stack([*(np.exp(-rates[:, [k]] * v) for k in (0, 1)), np.ones((rates.shape[0], v.size))], axis=2)
     plain, _ = _solve(base, latency, weight)
     best: Step | None = None
-    left_over = np.inf
     for left, right in pairwise(v[1:-1]):
         threshold = float(np.sqrt(left * right))
         step = np.broadcast_to((v > threshold).astype(float)[None, :, None], (rates.shape[0], v.size, 1))
@@ -64,13 +65,13 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
         if gain > (LEAST_GAIN if best is None else best.gain):
             a1, a4, a7, size = (float(q) for q in solution[k])
             law = LawParameters(max(a1, 1e-3), float(rates[k, 0]), max(a4, 1e-3), float(rates[k, 1]), a7)
-            best, left_over = Step(law, (float(left), float(right)), size, gain), float(chi2[k])
-    if best is None or best.gain < left_over:
+            best = Step(law, (float(left), float(right)), size, gain)
+    if best is None or best.gain < plain.min() - best.gain:
         return best
     rival = min(
         _solve(np.delete(base, j, 1), np.delete(latency, j), np.delete(weight, j))[0].min() for j in range(v.size)
     )
-    return replace(best, alone=bool(rival > left_over + LEAST_GAIN))
+    return replace(best, alone=bool(rival > plain.min() - best.gain + LEAST_GAIN))
 
 
 def _solve(columns: FloatArray, latency: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
