@@ -24,8 +24,9 @@ from draglag.gap.traces.run_data import RunData, before_events, gather
 from draglag.gap.traces.searched import searched
 from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate
+from draglag.latency.spectrum import events_of
 from draglag.messages import joined, message
-from draglag.path.events import contact_losses, sample_interval_s
+from draglag.path.events import contact_losses
 from draglag.recording import FloatArray, IntArray, Run, Session, TouchTrace
 from draglag.simulation.chain import simulate_run
 from draglag.simulation.effects import Effect, effect_class
@@ -337,7 +338,8 @@ def _simulated(
     origin_s: float,
     seed: int,
 ) -> Run:
-    dt_s = sample_interval_s(reported_s)
+    # Stamps are rounded: at the median interval frames would slip past a loop's ticks that they keep step with.
+    dt_s = events_of(reported_s, np.zeros((reported_s.size, 2))).dt_s
     own = replace(rig, touch_rate_hz=1 / dt_s, noise_mm=data.noise_mm)
     rng = np.random.default_rng([SEED, seed])
     run = simulate_run(
