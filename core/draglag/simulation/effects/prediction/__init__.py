@@ -29,7 +29,8 @@ class Prediction(Effect):
     id: ClassVar[str] = "prediction"
     meaning: ClassVar[str] = (
         "Reported positions are extrapolated by this time, with the velocity over the last events: drags are shown "
-        "earlier, taps are not. A tracker that swings wide in curves (alpha-beta, Kalman) looks the same on edges."
+        "earlier, taps are not. A tracker that swings wide in curves (alpha-beta, Kalman) looks the same on edges; "
+        "only the noise of its events is smoother."
     )
     follows: ClassVar[str] = "normal_acceleration"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.prediction.refits"

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from draglag.gap.constants import PROMISING
 from draglag.gap.fitting.joint import Fit, gained_nats
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
+from draglag.gap.traces.run_data import as_shown
 from draglag.recording import Session
 from draglag.simulation.effects.prediction import STEP, WINDOW_S, Prediction, horizon_of
+from draglag.simulation.effects.prediction.noise import nats_against
 
 OTHER_WINDOWS_S = (WINDOW_S / STEP, WINDOW_S * STEP)
 SETTLED = 0.05  # of a horizon: what is left of it at its setting is known to first order
@@ -28,6 +31,11 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
             break
         best = again
     return [mean, best]
+
+
+def possible_in(before: Fit) -> bool:
+    """Whether the noise of the touch events may have been extrapolated with them: a tracker's is smoothed."""
+    return nats_against(as_shown(before.runs)) <= PROMISING
 
 
 def _undone(session: Session, before: Fit, found: Fit, window_s: float, setting_s: float = 0.0) -> Fit | None:
