@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 
@@ -50,15 +51,30 @@ def likeliest(
     starts: Sequence[Components],
     rounds: int = 2,
 ) -> Components:
-    """Components of maximum likelihood, by coordinate search."""
+    """Components of maximum likelihood, by coordinate search uphill from each start."""
     value = likelihoods(parts, residual, design, prior)
     ends = []
     for best in starts:
         for _ in range(rounds):
             for grid in LOCAL:
-                best = max((replace(best, **sizes) for sizes in grid), key=value)
+                best = _uphill(best, grid, value)
         ends.append(best)
     return max(ends, key=value)
+
+
+def _uphill(start: Components, grid: Mapping[str, Sequence[float]], value: Callable[[Components], float]) -> Components:
+    """Top of a grid that leads uphill from the point nearest to ``start``, from neighbour to neighbour."""
+
+    def there(at: tuple[int, ...]) -> Components:
+        return replace(start, **{name: sizes[k] for (name, sizes), k in zip(grid.items(), at, strict=True)})
+
+    at = tuple(int(np.argmin(np.abs(np.array(sizes) - getattr(start, name)))) for name, sizes in grid.items())
+    while True:
+        around = (range(max(k - 1, 0), min(k + 2, len(sizes))) for sizes, k in zip(grid.values(), at, strict=True))
+        best = max(product(*around), key=lambda near: value(there(near)))
+        if value(there(best)) <= value(there(at)):
+            return there(at)
+        at = best
 
 
 def cost_without_nuisances(white: Whitener, state: State, use: np.ndarray) -> float:

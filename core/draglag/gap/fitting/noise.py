@@ -28,8 +28,6 @@ ACCEL_MEMORY_S = 0.08  # half the span that an acceleration is taken over. Deriv
 SPEED_MEMORY_S = 0.15  # how long the hand's own unevenness, faster than the speed window, lasts. Physical
 MEMORIES = 12  # after so many of these nothing is left of it (6e-6). Derived
 
-Sizes = dict[str, float]
-
 
 @dataclass(frozen=True)
 class Components:
@@ -51,11 +49,11 @@ class Components:
     misfit_mm: float = MISFIT_MM[-1]
 
 
-LOCAL: tuple[tuple[Sizes, ...], ...] = (  # kinds that trade places are sought together
-    tuple({"edge_mm": e} for e in EDGE_MM),
-    tuple({"speed": s, "tremor_mm_s": t} for s, t in product(SPEED, TREMOR_MM_S)),
-    tuple({"uneven": u} for u in UNEVEN),
-    tuple({"run_s": s, "run_mm": b} for s, b in product(RUN_S, RUN_MM)),
+LOCAL: tuple[dict[str, tuple[float, ...]], ...] = (  # kinds that trade places are sought together
+    {"edge_mm": EDGE_MM},
+    {"speed": SPEED, "tremor_mm_s": TREMOR_MM_S},
+    {"uneven": UNEVEN},
+    {"run_s": RUN_S, "run_mm": RUN_MM},
 )
 BETWEEN = tuple(product(RUN_S, RUN_MM))
 

@@ -20,6 +20,7 @@ from draglag.recording import FloatArray, IntArray
 from draglag.simulation.effects import EFFECTS
 
 SCALES_MM = np.array(constants.SLAB_MM)
+NEGLIGIBLE = 2 * constants.GIVEN_UP  # nats: hundreds of sets less probable by so much have 1e-4 of the best. Derived
 
 
 class Explanation(NamedTuple):
@@ -68,14 +69,14 @@ def searched(
     joining, groups = Joining.of(linear.members), _of_one_width(linear, normals)
     barred = np.array([m.name in without for m in linear.members])
 
-    def with_one_more(front: Sequence[Explanation], allowed: np.ndarray) -> list[Explanation]:
+    def with_one_more(front: Sequence[Explanation], allowed: np.ndarray, least: float = -np.inf) -> list[Explanation]:
         new: dict[tuple[int, ...], Explanation] = {}
         for explanation in front:
             inside = list(explanation.members)
             usable = joining.with_all(inside) & allowed
             if np.count_nonzero(joining.effect[inside]) >= most:
                 usable &= ~joining.effect
-            for one in _extended(linear, normals, explanation, groups, usable):
+            for one in _extended(linear, normals, explanation, groups, usable, least):
                 old = new.get(one.members)
                 if old is None or one.log_mass > old.log_mass:
                     new[one.members] = one
@@ -86,13 +87,15 @@ def searched(
         ranked = with_one_more(front, np.array([m.name == name for m in linear.members]) & ~barred)
         found |= {e.members: e for e in ranked}
         front = _front(linear, ranked)
+    least = -np.inf  # what each member promises alone is asked for, however little it is
     for _ in range(constants.MOST_EFFECTS - len(own)):
-        ranked = with_one_more(front, ~barred)
+        ranked = with_one_more(front, ~barred, least)
         found |= {e.members: e for e in ranked}
         front = _front(linear, ranked)
         best = max(e.log_mass for e in found.values())
         if not front or front[0].log_mass < best - constants.GIVEN_UP:
             break
+        least = best - NEGLIGIBLE
     return Search(linear, normals, frozenset(without), most, tuple(found.values()))
 
 
@@ -178,8 +181,9 @@ def _extended(
     explanation: Explanation,
     groups: list[OfOneWidth],
     usable: np.ndarray,
+    least: float,
 ) -> list[Explanation]:
-    """Explanations with one usable member more."""
+    """Explanations with one usable member more, of a log mass of at least ``least``."""
     given = _given(linear, normals, explanation)
     gains = np.empty((len(normals), len(linear.members), SCALES_MM.size))
     for group in groups:
@@ -192,7 +196,7 @@ def _extended(
     likeliest = SCALES_MM[np.argmax(each, axis=1)]
     out = []
     old, sizes = explanation.members, explanation.scales_mm
-    further = np.flatnonzero(usable)
+    further = np.flatnonzero(usable & (masses >= least))
     for i, scale, mass in zip(*(a.tolist() for a in (further, likeliest[further], masses[further])), strict=True):
         k = bisect(old, i)
         out.append(Explanation((*old[:k], i, *old[k:]), (*sizes[:k], scale, *sizes[k:]), mass))
