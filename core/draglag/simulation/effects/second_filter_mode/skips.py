@@ -14,7 +14,7 @@ from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.lateness import without_lateness
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
-from draglag.simulation.effects.second_filter_mode.tracker import FAR, HISTORIES, SWITCH, stack_runs, track_histories
+from draglag.simulation.effects.second_filter_mode.tracker import stack_runs, track, track_histories, tracker_gains
 
 if TYPE_CHECKING:
     from draglag.gap.traces.run_data import RunData
@@ -97,11 +97,12 @@ def _likelier_histories(runs: Sequence[RunData], skip_s: float) -> tuple[FloatAr
     noise_mm = np.column_stack([own_mm, np.minimum(own_mm, np.quantile(own_mm, QUIETER))])
     shape = (*noise_mm.shape, UNSTEADY_MM2_S3.size)
     each_mm, hand = (np.broadcast_to(a, shape).reshape(len(runs), -1) for a in (noise_mm[..., None], UNSTEADY_MM2_S3))
-    plain, _, left = track_histories(tracks, 0.0, each_mm, hand, FAR, 1)
+    settings = tracker_gains(tracks, each_mm, hand)
+    plain, left = track(tracks, settings)
     off = np.abs(np.log(_low_quantiles(left, tracks.live) / -np.log(1 - UNDISTURBED))).reshape(shape)
-    best = np.argmin(off, axis=2)
-    likely, states, _ = track_histories(tracks, skip_s, noise_mm, UNSTEADY_MM2_S3[best], SWITCH, HISTORIES)
-    gains = likely - np.take_along_axis(plain.reshape(shape), best[..., None], axis=2)[..., 0]
+    best = (*np.ogrid[: shape[0], : shape[1]], np.argmin(off, axis=2))
+    likely, states = track_histories(tracks, skip_s, settings.reshape(*settings.shape[:2], *shape)[:, :, *best])
+    gains = likely - plain.reshape(shape)[best]
     run, pick = np.arange(len(runs)), np.argmax(gains, axis=1)
     return gains[run, pick], likely.max(axis=1) - plain.max(axis=1), states[:, run, pick]
 

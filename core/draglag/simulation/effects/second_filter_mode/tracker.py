@@ -74,17 +74,52 @@ def _turn_rate(t_s: FloatArray, z_mm: np.ndarray) -> FloatArray:
     return np.asarray((summed[last + 1] - summed[first]) / (last + 1 - first))
 
 
-def track_histories(
-    tracks: Tracks, size_s: float, noise_mm: FloatArray, unsteady: FloatArray, switch: float, histories: int
-) -> tuple[FloatArray, np.ndarray, FloatArray]:
-    """Likeliest history: log-likelihood (runs, g), states (n, runs, g), squared innovations (n − 1, runs, g).
+def track(tracks: Tracks, gains: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """One level of lateness: log-likelihood (runs, g), squared innovations (n − 1, runs, g).
 
-    size_s: lateness. noise_mm: (runs, g) of one event. unsteady: (runs, g) power of a random acceleration, mm²/s³.
-    switch: cost of one.
+    gains: ``tracker_gains``.
+    """
+    shape = gains.shape[2:]
+    p, shown = np.broadcast_to(tracks.z_mm[0][:, None], shape).astype(complex), _shown_velocity(tracks)
+    v = np.broadcast_to(shown[0][:, None], shape).astype(complex)
+    lost = np.zeros(shape, int)
+    left = np.empty((gains.shape[0], *shape))
+    way_s, turn, z_mm, shown = (a[..., None] for a in (tracks.way_s, tracks.turn, tracks.z_mm, shown))
+    for i, (of_p, of_v, of_off) in enumerate(gains):
+        p, v = p + v * way_s[i], v * turn[i]
+        off = z_mm[i + 1] - p
+        left[i] = (off.real**2 + off.imag**2) / of_off
+        p, v, lost = _corrected(p, v, lost, off, left[i], (of_p, of_v, shown[i]))
+    cost = np.minimum(left, OUTLIER) + np.log(gains[:, 2])
+    return -0.5 * np.sum(cost * tracks.live[1:, :, None], axis=0), left
+
+
+def _corrected(
+    p: np.ndarray,
+    v: np.ndarray,
+    lost: np.ndarray,
+    off: np.ndarray,
+    square: FloatArray,
+    gains: tuple[FloatArray, FloatArray, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities and outliers in a row after an event. gains: of both, and the velocity after a restart."""
+    of_p, of_v, shown = gains
+    out = square > OUTLIER
+    if not out.any():
+        return p + of_p * off, v + of_v * off, np.zeros_like(lost)
+    restart = out & (lost >= LOST)
+    p = p + np.where(restart, 1.0, np.where(out, 0.0, of_p)) * off
+    v = np.where(restart, shown, v + np.where(out, 0.0, of_v) * off)
+    return p, v, np.where(out & ~restart, lost + 1, 0)
+
+
+def track_histories(tracks: Tracks, size_s: float, gains: FloatArray) -> tuple[FloatArray, np.ndarray]:
+    """Likeliest history of two levels of lateness: log-likelihood (runs, g), states (n, runs, g).
+
+    size_s: lateness. gains: ``tracker_gains``.
     """
     n, runs = tracks.t_s.shape
-    shape = runs, unsteady.shape[1], histories
-    gains = _tracker_gains(tracks, noise_mm, unsteady)
+    shape = runs, gains.shape[3], HISTORIES
     p = np.broadcast_to(tracks.z_mm[0][:, None, None], shape).astype(complex)
     shown = _shown_velocity(tracks)
     v = np.broadcast_to(shown[0][:, None, None], shape).astype(complex)
@@ -93,17 +128,16 @@ def track_histories(
     p = np.where(late, p + v * _way_s(tracks.rate[0], size_s)[:, None, None], p)
     # A run that stays in one state does not show which: the usual one.
     value = np.full(shape, -FAR)
-    value[..., 0], value[..., 1:2] = 0.0, -switch
+    value[..., 0], value[..., 1:2] = 0.0, -SWITCH
     lost = np.zeros(shape, int)
     parents, states = np.empty((n - 1, *shape), np.int8), np.empty((n - 1, *shape), bool)
-    left = np.empty((n - 1, *shape[:2]))
-    penalty = np.array([0.0, switch])
     back_s = _way_s(-tracks.rate[1:], size_s)
     # Where the histories of each tracker begin in a flat array: ``take`` there costs a fifth of ``take_along_axis``.
-    begin = histories * np.arange(runs * shape[1]).reshape(*shape[:2], 1)
+    begin = HISTORIES * np.arange(runs * shape[1]).reshape(*shape[:2], 1)
     of_p, of_v, of_off = (gains[:, k, ..., None] for k in range(3))
     way_s, turn, back_s, shown = (a[..., None, None] for a in (tracks.way_s, tracks.turn, back_s, shown))
     z_mm, live = tracks.z_mm[..., None, None], tracks.live[..., None, None, None]
+    penalty = np.array([0.0, SWITCH])
     off = np.empty((*shape, 2), complex)  # if it stays, if it switches
     for i in range(n - 1):
         p, v = p + v * way_s[i], v * turn[i]
@@ -113,19 +147,15 @@ def track_histories(
         square = (off.real**2 + off.imag**2) / of_off[i, ..., None]
         cost = 0.5 * np.minimum(square, OUTLIER) * live[i + 1] + penalty
         each = (value[..., None] - cost).reshape(*shape[:2], -1)
-        order = np.argsort(-each, axis=-1)[..., :histories]
+        order = np.argsort(-each, axis=-1)[..., :HISTORIES]
         parent = order // 2
         value, kept, square = (a.take(2 * begin + order) for a in (each, off, square))
         p, v, lost, late = (a.take(begin + parent) for a in (p, v, lost, late))
         late = late ^ (order % 2 == 1)
-        out = square > OUTLIER
-        restart = out & (lost >= LOST)
-        p = p + np.where(restart, 1.0, np.where(out, 0.0, of_p[i])) * kept
-        v = np.where(restart, shown[i], v + np.where(out, 0.0, of_v[i]) * kept)
-        lost = np.where(out & ~restart, lost + 1, 0)
-        parents[i], states[i], left[i] = parent, late, square[..., 0]
+        p, v, lost = _corrected(p, v, lost, kept, square, (of_p[i], of_v[i], shown[i]))
+        parents[i], states[i] = parent, late
     spread = np.sum(np.log(gains[:, 2]) * tracks.live[1:, :, None], axis=0)
-    return value[..., 0] - 0.5 * spread, _history(parents, states), left
+    return value[..., 0] - 0.5 * spread, _history(parents, states)
 
 
 def _shown_velocity(tracks: Tracks) -> np.ndarray:
@@ -137,21 +167,24 @@ def _shown_velocity(tracks: Tracks) -> np.ndarray:
     return np.asarray(mean * tracks.turn ** (LOST / 2))  # that of half as many events ago
 
 
-def _tracker_gains(tracks: Tracks, noise_mm: FloatArray, unsteady: FloatArray) -> FloatArray:
-    """Gains of position and velocity, variance of an innovation; (n − 1, 3, runs, g)."""
+def tracker_gains(tracks: Tracks, noise_mm: FloatArray, unsteady: FloatArray) -> FloatArray:
+    """Gains of position and velocity, variance of an innovation; (n − 1, 3, runs, g).
+
+    noise_mm: (runs, g) of one event. unsteady: (runs, g) power of a random acceleration, mm²/s³.
+    """
     noise = 2 * noise_mm**2
-    power = 2 * unsteady
     pp, pv, vv = noise, np.zeros(unsteady.shape), np.full(unsteady.shape, 1e5)
     out = np.empty((tracks.t_s.shape[0] - 1, 3, *unsteady.shape))
-    for i, interval_s in enumerate(np.minimum(np.diff(tracks.t_s, axis=0), 0.05)):
-        d = interval_s[:, None]
-        pp = pp + 2 * d * pv + d**2 * vv + power * d**3 / 3
-        pv = pv + d * vv + power * d**2 / 2
-        vv = vv + power * d
+    d = np.minimum(np.diff(tracks.t_s, axis=0), 0.05)[..., None]
+    of_vv = 2 * unsteady * d
+    of_pv, of_pp = 0.5 * of_vv * d, of_vv * d**2 / 3
+    for i, (d_s, square_s2) in enumerate(zip(d, d**2, strict=True)):
+        pp = pp + 2 * d_s * pv + square_s2 * vv + of_pp[i]
+        pv = pv + d_s * vv + of_pv[i]
         whole = pp + noise
         p, v = pp / whole, pv / whole
         out[i] = p, v, whole
-        pp, pv, vv = (1 - p) * pp, (1 - p) * pv, vv - v * pv
+        pp, pv, vv = noise * p, noise * v, vv + of_vv[i] - v * pv
     return out
 
 
