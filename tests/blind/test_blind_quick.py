@@ -106,6 +106,15 @@ def test_no_second_name_stands_next_to_the_hidden_effect(effect, size, seed, law
     assert (outcome.named, outcome.verdict) == ((effect,), "explained")
 
 
+def test_a_filter_of_no_size_is_not_named_for_the_edges_that_it_leaves_unsure():
+    """Two of three slow runs scatter: a filter of 1.9 ± 2.1 ms, whose speed is theirs, makes their edges weigh less."""
+    sizes = {"contact_trail": 1.0512700431405126}
+    outcome = run_task(
+        Task("single", "contact_trail", 1.0, 742663741, sizes, floor=False, world="realistic", law_form="logistic")
+    )
+    assert outcome.named == ()
+
+
 def test_a_session_simulated_again_is_as_late_as_measured(tmp_path):
     """A tracker that averages velocities is quicker than its law by 0.2 ms, which a fit's nuisances hold."""
     task = Task(

@@ -10,6 +10,7 @@ import numpy as np
 from draglag.errors import EstimateError
 from draglag.gap.fitting.joint import Fit, gained_nats, latency_of_terms, most_promising
 from draglag.gap.fitting.model import LawParameters
+from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.run_data import as_shown
@@ -33,7 +34,8 @@ NEAR = 1.025 ** np.arange(-4, 5)  # of a speed found among quantiles, and then o
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """One refit for each way in which it shows."""
+    """One refit for each way in which it shows, where its size is known to be one: edges that it leaves unsure weigh
+    less, which may gain more than it explains."""
     skips = find_skips(as_shown(before.runs))
     switching = find_switching(before)
     step = _step_of(before)
@@ -52,7 +54,12 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         out.append(_switched(session, before, switching))
     if skips is not None:
         out.append(_skipping(session, before, skips))
-    return out
+    return [fit for fit in out if fit is not None and _is_some(fit)]
+
+
+def _is_some(fit: Fit) -> bool:
+    low_s, high_s = parameters_of(OWN, fit)[SecondFilterMode.parameters[0].name][1]
+    return low_s > 0 or high_s < 0
 
 
 def shown_by_edges(before: Fit) -> bool:
