@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from draglag.protocol.runs import load_protocol
 from draglag.recording import Session
 from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effect
+from draglag.simulation.effects.second_filter_mode.stepped import find_step
 from draglag.simulation.law import LatencyLaw
 
 LATER_S = 0.0117
@@ -45,3 +47,20 @@ def test_a_step_between_two_runs_is_no_scatter_of_runs(threshold_mm_s: float, se
     assert low < LATER_S < high
     _, (low, high) = step.parameters["threshold_mm_s"]
     assert low < threshold_mm_s < high
+
+
+@pytest.mark.parametrize("later_s", [0.01, 0.02, 0.03])
+def test_a_step_larger_than_the_curve_falls_lies_between_its_runs(later_s: float) -> None:
+    """No Eq. 5 without it falls at all, so that every threshold gains without end."""
+    speeds = np.geomspace(50, 900, 14)
+    late_s = 0.03 + 0.01 * np.exp(-0.006 * speeds) + later_s * (speeds > 200)
+    late_s += np.random.default_rng(1).normal(0, 3e-4, speeds.size)
+    estimates = [
+        SimpleNamespace(speed_mm_s=v, latency_s=s, curve_se_s=3e-4) for v, s in zip(speeds, late_s, strict=True)
+    ]
+    step = find_step(tuple(SimpleNamespace(estimate=one) for one in estimates))
+    assert step is not None
+    low, high = step.between_mm_s
+    assert low < 200 < high
+    assert step.size_s == pytest.approx(later_s, abs=1e-3)
+    assert step.alone

@@ -53,7 +53,7 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
     rates = np.column_stack([RATES_S_MM[slow], RATES_S_MM[fast]])
     base = np.stack([*(np.exp(-rates[:, [k]] * v) for k in (0, 1)), np.ones((rates.shape[0], v.size))], axis=2)
     plain, _ = _solve(base, latency, weight)
-    best: Step | None = None
+    best, left_over = None, np.inf
     for left, right in pairwise(v[1:-1]):
         threshold = float(np.sqrt(left * right))
         step = np.broadcast_to((v > threshold).astype(float)[None, :, None], (rates.shape[0], v.size, 1))
@@ -61,17 +61,18 @@ def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> St
         k = int(np.argmin(chi2))
         if not np.isfinite(chi2[k]):
             continue
-        gain = float(plain.min() - chi2[k])
-        if gain > (LEAST_GAIN if best is None else best.gain):
+        gain = float(plain.min() - chi2[k])  # infinite where no Eq. 5 without a step falls
+        if gain > LEAST_GAIN and chi2[k] < left_over:
+            left_over = float(chi2[k])
             a1, a4, a7, size = (float(q) for q in solution[k])
             law = LawParameters(max(a1, 1e-3), float(rates[k, 0]), max(a4, 1e-3), float(rates[k, 1]), a7)
             best = Step(law, (float(left), float(right)), size, gain)
-    if best is None or best.gain < plain.min() - best.gain:
+    if best is None or best.gain < left_over:
         return best
     rival = min(
         _solve(np.delete(base, j, 1), np.delete(latency, j), np.delete(weight, j))[0].min() for j in range(v.size)
     )
-    return replace(best, alone=bool(rival > plain.min() - best.gain + LEAST_GAIN))
+    return replace(best, alone=bool(rival > left_over + LEAST_GAIN))
 
 
 def _solve(columns: FloatArray, latency: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
