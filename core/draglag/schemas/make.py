@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from draglag.exchange.header import HeaderPart
 from draglag.model.file import LatencyModel
+from draglag.schemas.library import library_page
 from draglag.schemas.outputs import AnalyzeOutput, CompareOutput, GapOutput
 from draglag.schemas.session_file import layout_schema, page
 
@@ -36,7 +37,7 @@ def files() -> dict[str, str]:
         f"schemas/{name}.json": json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
         for name, schema in schemas().items()
     }
-    return {**texts, "session-file.md": page()}
+    return {**texts, "session-file.md": page(), "effects-library.md": library_page()}
 
 
 def write(docs: Path) -> None:
