@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,14 +18,14 @@ from draglag.gap.constants import (
     WIDTH_SD_MM,
 )
 from draglag.gap.replaying.replay import Replay, replay
-from draglag.gap.results import GapReport, Statistic, next_to_unnamed
+from draglag.gap.results import GapReport, Statistic, Tolerated, next_to_unnamed
 from draglag.gap.streams.stamps import resolution_mm
 from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate
 from draglag.recording import FloatArray, Session, TouchTrace
-from draglag.simulation.effects import effect_class
+from draglag.simulation.effects import EFFECTS, effect_class
 
-LATENCY, REPEATS = "latency by run", "repeated positions"
+LATENCY, REPEATS, KIND = "latency by run", "repeated positions", "kind_of_edge"
 
 
 def checked(session: Session, report: GapReport, estimates: Estimates) -> GapReport:
@@ -40,7 +41,7 @@ def checked(session: Session, report: GapReport, estimates: Estimates) -> GapRep
         again = replay(session, report.last, named, measured=estimates)
     except (DraglagError, ValueError, np.linalg.LinAlgError):
         return report
-    found = compared_statistics(session, again)
+    found = compared_statistics(session, again, report.tolerated)
     off = [one for one in found if not one.agrees]
     hidden = any(effect_class(step.effect).hides_hand for step in report.steps)
     if not off or (hidden and off[0].name == LATENCY):
@@ -54,12 +55,12 @@ def checked(session: Session, report: GapReport, estimates: Estimates) -> GapRep
     return replace(report, check=found, verdict="unexplained", unexplained_by=by, steps=steps)
 
 
-def compared_statistics(session: Session, again: Replay) -> tuple[Statistic, ...]:
-    """Statistics of the measured session, streams unrepaired, and of its simulation."""
+def compared_statistics(session: Session, again: Replay, tolerated: Sequence[Tolerated] = ()) -> tuple[Statistic, ...]:
+    """Statistics of the measured session, streams unrepaired, and of its simulation, which lacks what is tolerated."""
     both = [
         (one.measured, one.simulated) for one in again.runs if one.measured is not None and one.simulated is not None
     ]
-    found = [_latency(again), _width(both), _scatter(both), _repeats(session, again.session)]
+    found = [_latency(again), _width(both, _of_width_mm(tolerated)), _scatter(both), _repeats(session, again.session)]
     return tuple(one for one in found if one is not None)
 
 
@@ -74,7 +75,16 @@ def _latency(again: Replay) -> Statistic | None:
     return Statistic(LATENCY, "speed", moved, expected, "mm RMS", agrees)
 
 
-def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
+def _of_width_mm(tolerated: Sequence[Tolerated]) -> float:
+    """RMS over the edges of what is tolerated and follows their kind."""
+
+    def follows(name: str) -> str:
+        return effect_class(name).follows if name in EFFECTS else name
+
+    return sum(item.size_mm for item in tolerated if follows(item.follows) == KIND)
+
+
+def _width(both: list[tuple[RunEstimate, RunEstimate]], tolerated_mm: float) -> Statistic | None:
     rows = [
         (a.stylus_diameter_mm, b.stylus_diameter_mm, a.stylus_diameter_se_mm or 0.0, b.stylus_diameter_se_mm or 0.0)
         for a, b in both
@@ -85,10 +95,10 @@ def _width(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
     measured, simulated, one, other = np.array(rows, float).T
     weight = 1 / (one**2 + other**2 + WIDTH_SD_MM**2)
     means = float(np.average(measured, weights=weight)), float(np.average(simulated, weights=weight))
-    of_interest_mm = 2 * SIZE_OF_INTEREST_MM  # both edges move by half of what a width changes
+    of_interest_mm = 2 * (SIZE_OF_INTEREST_MM + tolerated_mm)  # both edges move by half of what a width changes
     surely_mm = float(-ndtri(0.5 * UNLIKELY)) / float(np.sqrt(weight.sum()))
     agrees = abs(means[0] - means[1]) < max(of_interest_mm, surely_mm)
-    return Statistic("stylus width", "kind_of_edge", *means, "mm", agrees)
+    return Statistic("stylus width", KIND, *means, "mm", agrees)
 
 
 def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:

@@ -10,6 +10,7 @@ from core import sound_sessions
 from draglag.gap import close_gap
 from draglag.gap.check import compared_statistics
 from draglag.gap.replaying.replay import replay
+from draglag.gap.results import Tolerated
 from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
@@ -27,6 +28,19 @@ def test_a_width_disagrees_where_it_moves_edges_by_the_size_of_interest(more_mm:
     width = found["stylus width"]
     assert width.agrees is agrees
     assert width.measured - width.simulated == pytest.approx(more_mm, abs=0.04)
+
+
+def test_a_width_that_is_tolerated_disagrees_with_no_simulation() -> None:
+    """0.12 mm of a width move edges by 0.06 mm: found as 0.049 mm, below the size of interest, it is known."""
+    session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("beam_width=0.12")], seed=5)
+    last = close_gap(session, max_effects=0).last
+    assert last is not None
+    again = replay(session, last, {})
+    agrees = {}
+    for tolerated in ((), (Tolerated("beam_width", 0.98, 0.049),), (Tolerated("scan_skew", 0.98, 0.049),)):
+        (width,) = [one for one in compared_statistics(session, again, tolerated) if one.name == "stylus width"]
+        agrees[tuple(item.follows for item in tolerated)] = width.agrees
+    assert agrees == {(): False, ("beam_width",): True, ("scan_skew",): False}
 
 
 @pytest.mark.parametrize("effect", ["sample_hold=70", "poll_grid=0.008", "timestamp_quantisation=0.006"])
