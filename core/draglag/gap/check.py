@@ -111,13 +111,15 @@ def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _repeats(session: Session, again: Session) -> Statistic | None:
-    """Simulated positions are rounded as measured."""
+    """Simulated positions are rounded as measured. None where none repeats: kernels send no report without a change."""
     own = [run.touch for run in session.runs if run.touch.t_s.size > 1]
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:
         return None
     step_mm = resolution_mm(own)
     measured, simulated = _repeated(own, 0.0), _repeated(theirs, step_mm)
+    if measured == 0:
+        return None
     agrees = abs(measured - simulated) < REPEATS_AS_OFTEN
     return Statistic(REPEATS, "host_tick", measured, simulated, "share of events", agrees)
 

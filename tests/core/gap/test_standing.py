@@ -10,6 +10,7 @@ import pytest
 from core.sound_sessions import recorded, with_touch
 from draglag.gap import close_gap
 from draglag.gap.streams.evidence import inspect
+from draglag.gap.streams.stamps import first_of_repeats
 from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, Session, TouchTrace
 from draglag.simulation import simulate_session
@@ -60,6 +61,19 @@ def test_a_jump_deadband_is_named_with_its_width(
         kept = np.isin(raw.touch.t_s, run.touch.t_s)
         assert np.array_equal(raw.touch.x_mm[kept], run.touch.x_mm)
         assert kept.mean() > 0.2
+
+
+@pytest.mark.parametrize("width_mm", [0.3, 0.9])
+def test_frames_without_a_change_that_a_kernel_leaves_out_are_a_deadband_and_not_lost(
+    sound: Session, width_mm: float
+) -> None:
+    def sent(touch: TouchTrace) -> TouchTrace:
+        return first_of_repeats(after(at_rate(touch, 120), f"deadband={width_mm}"))
+
+    found, _ = inspect(with_touch(sound, sent))
+    assert [f.effect for f in found] == ["deadband"]
+    low, high = found[0].ci95
+    assert low < width_mm < high
 
 
 def test_what_a_deadband_leaves_of_slow_runs_holds_no_fills(sound: Session) -> None:
