@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.errors import EstimateError
+from draglag.gap.constants import PROMISING
 from draglag.gap.fitting.joint import Fit, gained_nats, latency_of_terms, most_promising
 from draglag.gap.fitting.model import LawParameters
-from draglag.gap.fitting.parameters import parameters_of
 from draglag.gap.fitting.state import Term
 from draglag.gap.proposing.plain import refit
 from draglag.gap.traces.run_data import as_shown
@@ -34,7 +34,7 @@ NEAR = 1.025 ** np.arange(-4, 5)  # of a speed found among quantiles, and then o
 
 
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
-    """One refit for each way in which it shows, where its size is known to be one: edges that it leaves unsure weigh
+    """One refit for each way in which it shows, where its size gains nats of its own: edges that it leaves unsure weigh
     less, which may gain more than it explains."""
     skips = find_skips(as_shown(before.runs))
     switching = find_switching(before)
@@ -54,12 +54,13 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         out.append(_switched(session, before, switching))
     if skips is not None:
         out.append(_skipping(session, before, skips))
-    return [fit for fit in out if fit is not None and _is_some(fit)]
+    return [fit for fit in out if fit is not None and _by_its_size(fit) > PROMISING]
 
 
-def _is_some(fit: Fit) -> bool:
-    low_s, high_s = parameters_of(OWN, fit)[SecondFilterMode.parameters[0].name][1]
-    return low_s > 0 or high_s < 0
+def _by_its_size(fit: Fit) -> float:
+    """Nats that the size of the last term gains."""
+    (size_s,) = SecondFilterMode.whole_sizes(fit.terms[-1], fit)
+    return 0.5 * float(size_s**2 / fit.covariance[-1, -1])
 
 
 def shown_by_edges(before: Fit) -> bool:
