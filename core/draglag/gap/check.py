@@ -19,7 +19,7 @@ from draglag.gap.constants import (
 )
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.results import GapReport, Statistic, Tolerated, next_to_unnamed
-from draglag.gap.streams.stamps import resolution_mm
+from draglag.gap.streams.stamps import first_of_repeats, nothing_repeats, resolution_mm, with_unchanged
 from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate
 from draglag.recording import FloatArray, Session, TouchTrace
@@ -111,15 +111,15 @@ def _scatter(both: list[tuple[RunEstimate, RunEstimate]]) -> Statistic | None:
 
 
 def _repeats(session: Session, again: Session) -> Statistic | None:
-    """Simulated positions are rounded as measured. None where none repeats: kernels send no report without a change."""
+    """Simulated positions are rounded as measured. Where none repeats, frames left out count instead."""
     own = [run.touch for run in session.runs if run.touch.t_s.size > 1]
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:
         return None
     step_mm = resolution_mm(own)
+    if nothing_repeats(own) and not nothing_repeats(theirs):
+        own, theirs = (with_unchanged([first_of_repeats(touch) for touch in each]) for each in (own, theirs))
     measured, simulated = _repeated(own, 0.0), _repeated(theirs, step_mm)
-    if measured == 0:
-        return None
     agrees = abs(measured - simulated) < REPEATS_AS_OFTEN
     return Statistic(REPEATS, "host_tick", measured, simulated, "share of events", agrees)
 

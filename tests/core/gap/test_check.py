@@ -11,6 +11,7 @@ from draglag.gap import close_gap
 from draglag.gap.check import compared_statistics
 from draglag.gap.replaying.replay import replay
 from draglag.gap.results import Tolerated
+from draglag.gap.streams.stamps import first_of_repeats
 from draglag.protocol.runs import load_protocol
 from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
@@ -28,6 +29,23 @@ def test_a_width_disagrees_where_it_moves_edges_by_the_size_of_interest(more_mm:
     width = found["stylus width"]
     assert width.agrees is agrees
     assert width.measured - width.simulated == pytest.approx(more_mm, abs=0.04)
+
+
+@pytest.mark.parametrize(("sent", "agrees"), [(True, True), (False, False)])
+def test_frames_that_a_kernel_leaves_out_are_compared_as_repeats(sent: bool, agrees: bool) -> None:
+    """A simulated deadband repeats positions: frames have to be missing as often where none repeats."""
+    panel = replace(rig_for_screen("screen-1"), resolution_mm=0.0)
+    held, plain = (
+        simulate_session(panel, sound_sessions.brief_protocol(), effects=effects, seed=5)
+        for effects in ([parse_effect("deadband=0.7")], [])
+    )
+    last = close_gap(plain, max_effects=0).last
+    assert last is not None
+    again = replace(replay(plain, last, {}), session=held)
+    session = sound_sessions.with_touch(held, first_of_repeats) if sent else plain
+    (repeats,) = [one for one in compared_statistics(session, again) if one.name == "repeated positions"]
+    assert repeats.agrees is agrees
+    assert repeats.simulated > 0.1
 
 
 def test_a_width_that_is_tolerated_disagrees_with_no_simulation() -> None:

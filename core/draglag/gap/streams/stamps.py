@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
 
+from draglag.latency.spectrum import events_of
+from draglag.path.events import sample_interval_s
 from draglag.recording import FloatArray, IntArray, Session, TouchTrace
 
 FAST_MM_S = 80.0  # slower, a position of another age does not lie elsewhere. Derived: 8 ms are 0.6 mm
@@ -21,6 +23,7 @@ ROUNDED_MM = 1e-5  # coordinates that differ by less are alike but for arithmeti
 SMALL = 4  # steps between two events at which it shows whether they are whole. Derived
 WHOLE, SHARE_WHOLE = 0.1, 0.5  # of a step; of the distances, for fills may have any: by chance a fifth. Judgement
 OF_STEPS = 2.5  # steps of whole coordinates, below which those alone make positions stand still. Derived
+LONGEST_HOLD = 60  # frames without a change: more, and the stylus rests or is lost. Judgement
 Found = TypeVar("Found")
 
 
@@ -130,3 +133,27 @@ def first_of_repeats(touch: TouchTrace) -> TouchTrace:
     keep = np.append(True, ~repeats(touch))
     ids = touch.contact_id[keep] if touch.contact_id.size == keep.size else touch.contact_id
     return TouchTrace(touch.t_s[keep], touch.x_mm[keep], touch.y_mm[keep], ids, gaps_s=touch.gaps_s)
+
+
+def nothing_repeats(touches: Sequence[TouchTrace]) -> bool:
+    """Whether no position comes twice: a kernel sends no report in which nothing changed."""
+    return not any(repeats(touch).any() for touch in touches)
+
+
+def with_unchanged(touches: Sequence[TouchTrace]) -> list[TouchTrace]:
+    """Events with the frames between them that are missing, each at the position before.
+
+    A slow run may miss most frames: their interval is that of the run that misses fewest.
+    """
+    frame_s = min(sample_interval_s(touch.t_s) for touch in touches)
+    return [_filled(touch, frame_s) for touch in touches]
+
+
+def _filled(touch: TouchTrace, frame_s: float) -> TouchTrace:
+    slot = events_of(touch.t_s, np.column_stack([touch.x_mm, touch.y_mm]), frame_s).slot
+    missing = np.diff(slot, append=slot[-1] + 1)
+    held = np.where(missing <= LONGEST_HOLD, missing, 1)
+    which = np.repeat(np.arange(slot.size), held)
+    after = np.arange(which.size) - np.repeat(np.cumsum(held) - held, held)
+    apart_s = np.diff(touch.t_s, append=touch.t_s[-1]) / missing
+    return TouchTrace(touch.t_s[which] + after * apart_s[which], touch.x_mm[which], touch.y_mm[which])

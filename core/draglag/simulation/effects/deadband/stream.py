@@ -9,8 +9,16 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtr
 
-from draglag.gap.streams.stamps import FINEST_MM, OF_STEPS, StreamEffect, Streams, first_of_repeats, repeats, stood
-from draglag.latency.spectrum import events_of
+from draglag.gap.streams.stamps import (
+    FINEST_MM,
+    OF_STEPS,
+    StreamEffect,
+    Streams,
+    first_of_repeats,
+    nothing_repeats,
+    stood,
+    with_unchanged,
+)
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.simulation.effects.deadband import JUMP, Deadband
 
@@ -25,7 +33,6 @@ CERTAIN = 6.0  # standard deviations: further, a normal scatter changes nothing 
 NARROW = 1 / 32  # of the scatter, of a bin: 10 000 values are as likely as they are to 0.4 nats
 WITHIN = 1.92  # nats below the best: not excluded at 95 %
 WIDTHS = 160
-LONGEST_HOLD = 60  # frames without a change: more, and the stylus rests or is lost
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
@@ -37,25 +44,9 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 def deadband_in(streams: Streams) -> StreamEffect | None:
     """Deadband in repeated positions, or in frames that the kernel leaves out because nothing changed."""
     touches = streams.touches
-    if nothing_repeats(streams):
-        touches = [with_unchanged(touch) for touch in touches]
+    if nothing_repeats(touches):
+        touches = with_unchanged(touches)
     return deadband(touches, streams.step_mm)
-
-
-def nothing_repeats(streams: Streams) -> bool:
-    """Whether no position comes twice: a kernel sends no report in which nothing changed."""
-    return not any(repeats(touch).any() for touch in streams.touches)
-
-
-def with_unchanged(touch: TouchTrace) -> TouchTrace:
-    """Events with the frames between them that are missing, each at the position before."""
-    slot = events_of(touch.t_s, np.column_stack([touch.x_mm, touch.y_mm])).slot
-    missing = np.diff(slot, append=slot[-1] + 1)
-    held = np.where(missing <= LONGEST_HOLD, missing, 1)
-    which = np.repeat(np.arange(slot.size), held)
-    after = np.arange(which.size) - np.repeat(np.cumsum(held) - held, held)
-    frame_s = np.diff(touch.t_s, append=touch.t_s[-1]) / missing
-    return TouchTrace(touch.t_s[which] + after * frame_s[which], touch.x_mm[which], touch.y_mm[which])
 
 
 def deadband(touches: Sequence[TouchTrace], step_mm: float = 0.0) -> StreamEffect | None:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.gap.streams.stamps import StreamEffect, Streams, share_interval
+from draglag.gap.streams.stamps import StreamEffect, Streams, nothing_repeats, share_interval
 from draglag.messages import message
 from draglag.recording import Run, TouchTrace
-from draglag.simulation.effects.deadband.stream import deadband_in, nothing_repeats
+from draglag.simulation.effects.deadband.stream import deadband_in
 from draglag.simulation.effects.frame_batching.stream import batches_in, ends_of_batches
 from draglag.simulation.effects.frame_drop import FrameDrop
 from draglag.simulation.effects.poll_grid.stream import polls_in
@@ -26,7 +26,7 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
     identifiable = streams.of(loop_in) is None if coarse is None else not coarse.undone
     if not identifiable or streams.of(polls_in) is not None:
         return None, runs
-    if nothing_repeats(streams) and streams.of(deadband_in) is not None:
+    if nothing_repeats(streams.touches) and streams.of(deadband_in) is not None:
         return None, runs  # nothing had changed
     batched = streams.of(batches_in)
     dropped = drops(streams.touches, 1 if batched is None else round(batched.value))
