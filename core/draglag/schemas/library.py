@@ -14,20 +14,22 @@ def library_page() -> str:
         "<!-- Made by ./run schemas from draglag.simulation.effects. -->",
         "",
         "What `draglag gap` can name, `draglag simulate --effect ID=SIZE` adds and a model holds. The first parameter",
-        "is the size; the meaning is that of a positive one, and the value in brackets is a typical one.",
-        "Effects of your own: [effects.md](effects.md).",
-        "",
-        "| effect | meaning | parameters | its gap follows | separated by |",
-        "|---|---|---|---|---|",
+        "is the size, and the meaning is that of a positive one. Effects of your own: [effects.md](effects.md).",
     ]
-    own = [effect for effect in EFFECTS.values() if effect.__module__.startswith("draglag.")]
-    return "\n".join([*lines, *map(_line, own)]) + "\n"
+    for effect in EFFECTS.values():
+        if effect.__module__.startswith("draglag."):
+            lines += _section(effect)
+    return "\n".join(lines) + "\n"
 
 
-def _line(effect: type[Effect]) -> str:
-    parameters = "<br>".join(
-        f"`{p.name}` ({p.typical:g}{'' if p.unit == '1' else f' {p.unit}'})" for p in effect.parameters
-    )
-    follows = followed(effect.follows) if effect.follows else ""
-    name = f"{title_of(effect.id)}<br>`{effect.id}`"
-    return f"| {name} | {effect.meaning} | {parameters} | {follows} | {effect.separated_by} |"
+def _section(effect: type[Effect]) -> list[str]:
+    title = title_of(effect.id)
+    lines = ["", f"## {title[:1].upper()}{title[1:]}", f"`{effect.id}`: {effect.meaning}", ""]
+    for p in effect.parameters:
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        lines.append(f"- `{p.name}`: {p.lower:g} to {p.upper:g}{unit}, typically {p.typical:g}{unit}")
+    if effect.follows:
+        lines.append(f"- Its gap follows {followed(effect.follows)}.")
+    if effect.separated_by:
+        lines.append(f"- To separate it from what looks alike: {effect.separated_by}.")
+    return lines
