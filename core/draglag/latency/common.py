@@ -15,6 +15,7 @@ from draglag.recording import FloatArray
 # In diameters. Below it, up and down cross the beam at places of their own, and a slope looks like a latency: standard
 # errors are three times those of a whole diameter, and without any travel wrong by more than they say.
 LITTLE_TRAVEL = 0.25
+TURNS_APART = 2.0  # of a circle, between two places of its centre: a turn averages the circle out. Derived
 
 
 def alignment_at(ready: Prepared, edges: Edges, latency_s: FloatArray, shared_slope: bool = True) -> Alignment:
@@ -104,15 +105,17 @@ def _flags_of_latency(estimate: RunEstimate, window_s: tuple[float, float]) -> l
 
 
 def _travel(ready: Prepared) -> float | None:
-    """Travel of the circle's centre along the beam in diameters."""
+    """How far the circle's centre comes along the beam, there and back or on and on, in diameters."""
     run, touch = ready.run, ready.touch
     if not run.radius_mm or touch.t_s.size < 5:
         return None
     every = max(1, touch.t_s.size // 2000)
     t_s, x_mm = touch.t_s[::every] - touch.t_s[0], touch.x_mm[::every]
-    columns = [np.ones_like(t_s), t_s]
+    turns, around = 0.0, []
     if run.nominal_speed_mm_s:
         angle = run.nominal_speed_mm_s / run.radius_mm * t_s
-        columns += [np.cos(angle), np.sin(angle)]
-    fit = np.linalg.lstsq(np.column_stack(columns), x_mm, rcond=None)[0]
-    return float(abs(fit[1]) * t_s[-1] / (2 * run.radius_mm))
+        turns, around = float(angle[-1]) / (2 * np.pi), [np.cos(angle), np.sin(angle)]
+    knots_s = np.linspace(0.0, t_s[-1], max(int(turns / TURNS_APART), 1) + 1)
+    centre = [np.interp(t_s, knots_s, one) for one in np.eye(knots_s.size)]
+    fit = np.linalg.lstsq(np.column_stack([*centre, *around]), x_mm, rcond=None)[0]
+    return float(np.ptp(fit[: knots_s.size]) / (2 * run.radius_mm))

@@ -134,6 +134,16 @@ def test_a_circle_that_stays_where_it_is_is_reported(
     assert ("little_travel" in found.flags) is little
 
 
+def test_a_circle_whose_centre_comes_back_has_travelled() -> None:
+    run, _, _, _ = circle_run(250.0, 2, rig_with_latency(0.08), revolutions=12.5, travel_per_diameter=0.0)
+    t_s, radius_mm = run.touch.t_s, run.radius_mm
+    assert radius_mm is not None
+    there_and_back_mm = np.interp(t_s, [t_s[0], np.mean(t_s[[0, -1]]), t_s[-1]], [0.0, 2 * radius_mm, 0.0])
+    found = measured(replace(run, touch=replace(run.touch, x_mm=run.touch.x_mm + there_and_back_mm)))
+    assert found.travel_per_diameter == pytest.approx(1.0, abs=0.15)  # its turn is rounded by two revolutions
+    assert "little_travel" not in found.flags
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(
     speed=st.sampled_from([60.0, 150.0, 250.0, 600.0, 1000.0]),
