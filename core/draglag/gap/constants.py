@@ -57,6 +57,11 @@ LAW_LENGTH = 0.45
 LAW_KNOTS = 11
 """Knots of the curve's own form, 0.2 to 0.3 of ln v apart: closer than its length. Derived."""
 
+USUAL_SPEED_ERROR = 0.01
+"""Relative error of the law's speed at an edge, where a fit begins. Physical: hands correct by 2 to 6 %, slower than a
+window of speeds."""
+USUAL_TREMOR_MM_S = 2.0
+"""mm/s. Error of that speed by tremor, where a fit begins. Physical: 0.05 mm at 9 Hz."""
 MEMORY_S = 0.5
 """s. Correlation time of a wandering lateness. Physical: a hand's pressure and tilt change within half a second."""
 

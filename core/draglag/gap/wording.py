@@ -31,7 +31,7 @@ LEAST_MISS_S = 5e-6  # smaller ones would be printed as 0.0 ms. Derived
 NOISE = {
     "touch": "touch noise",
     "blur": "what an effect leaves unknown",
-    "edge_mm": "single edges",
+    "slow_mm": "slow touch noise",
     "speed": "errors of the speed",
     "tremor_mm_s": "tremor",
     "uneven": "changes of speed followed unevenly",

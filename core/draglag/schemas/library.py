@@ -24,7 +24,8 @@ def library_page() -> str:
 
 def _section(effect: type[Effect]) -> list[str]:
     title = title_of(effect.id)
-    lines = ["", f"## {title[:1].upper()}{title[1:]}", f"`{effect.id}`: {effect.meaning}", ""]
+    meaning = f"`{effect.id}`: {effect.meaning} {effect.in_detail}".rstrip()
+    lines = ["", f"## {title[:1].upper()}{title[1:]}", meaning, ""]
     for p in effect.parameters:
         unit = "" if p.unit == "1" else f" {p.unit}"
         lines.append(f"- `{p.name}`: {p.lower:g} to {p.upper:g}{unit}, typically {p.typical:g}{unit}")

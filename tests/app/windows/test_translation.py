@@ -263,7 +263,7 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
             "kruipende vertraging",
             "klokverschil: loslaattikken liggen +6.4 ms naast de asymptoot van de fit",
             "Toegestaan, te klein om ertoe te doen: de sessietijd, 0.03 mm",
-            "Ruis van de flanken, zo groot als de sessie die heeft: ruis van de aanraking 0.10 mm, losse flanken "
+            "Ruis van de flanken, zo groot als de sessie die heeft: ruis van de aanraking 0.10 mm, trage aanraakruis "
             "0.10 mm, fouten van de snelheid 0.10 mm, beven 0.10 mm, snelheidsveranderingen ongelijk gevolgd 0.10 mm, "
             "vertraging van run tot run 0.10 mm, verschuiving van run tot run 0.10 mm, late losse meldingen 0.10 mm, "
             "vertraging die zwerft 0.10 mm",

@@ -78,7 +78,7 @@ def test_a_step_keeps_what_it_promises(damping: float, without_its_drift: Fit) -
     fit = without_its_drift
     state = linearise(fit.runs, fit.law, fit.geometry, [Term("clock_drift")], fit.width_mm, None)
     use = fit.use & state.placed.ok
-    calm = Components(edge_mm=2.0)  # no edge so far off that it pulls with less than its square
+    calm = Components(slow_mm=2.0)  # no edge so far off that it pulls with less than its square
     white = whitener(scatter(fit.runs, state.placed, use, state.blur_mm), calm)
     down = downhill(white, state, use)
     step, promised = down.step(damping)
@@ -308,11 +308,11 @@ def test_a_lagging_law_is_refitted_unless_every_delay_is_far_less_likely(
     assert bool(asked) is made
 
 
-@pytest.mark.parametrize(("by", "no_worse"), [(1.0, True), (2.4, True), (2.5, False)])
+@pytest.mark.parametrize(("by", "no_worse"), [(1.0, True), (2.4, True), (2.7, False)])
 def test_what_misses_a_fast_run_by_more_is_no_better_whatever_it_predicts(
     plain: tuple[Session, Fit], monkeypatch: pytest.MonkeyPatch, by: float, no_worse: bool
 ) -> None:
-    """All other runs are missed by a third; the RMS, mostly of the fast run, is 0.6, 1.07 and 1.11 of before."""
+    """All other runs are missed by a third; the RMS, mostly of the fast run, is 0.6, 1.05 and 1.14 of before."""
     monkeypatch.setattr(heldout, "predictive_gain", lambda before, after: 100 * PREDICTS_NATS)
     before = plain[1]
     nominal_mm_s = np.array([data.run.nominal_speed_mm_s for data in before.runs])[before.run_index]

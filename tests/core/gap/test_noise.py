@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from draglag.gap import close_gap
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.noise import Components, scatter
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
-from draglag.simulation import simulate_session
+from draglag.simulation import rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.low_speed_plateau.interval import plateau_ci95_mm_s
 
@@ -48,6 +51,16 @@ def test_edges_scatter_at_slow_drags_and_at_quick_ones_as_the_noise_says(screen:
     for squares in (np.concatenate(slow), np.concatenate(fast)):
         # Sizes are sought in steps of two: the variance of one may be off by two. Chance, ± 10 %, is far less.
         assert np.log(squares.mean()) == pytest.approx(0.0, abs=np.log(2.0))
+
+
+def test_slow_touch_noise_is_found_as_such() -> None:
+    """A window of positions averages fast noise; noise of 40 ms goes through it."""
+    rig = replace(rig_for_screen("screen-1"), noise_slow_share=0.9, noise_slow_s=0.04)
+    for seed in (1, 2, 3):
+        report = close_gap(simulate_session(rig, load_protocol("demo"), seed=seed))
+        assert report.verdict == "no_gap"
+        levels = {part.name: part.level for part in report.noise}
+        assert 0.05 <= levels["slow_mm"] <= 0.1  # of 0.14 mm in an event a window leaves a half to two thirds
 
 
 def test_the_interval_of_a_plateaus_speed_holds_it() -> None:

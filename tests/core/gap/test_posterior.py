@@ -30,7 +30,7 @@ from draglag.simulation import simulate_session
 from draglag.simulation.effects import parse_effect
 
 SINGULAR = 1.5  # of the tolerated direction
-LEVELS = Components(edge_mm=0.1, run_s=0.0, run_mm=0.0, late_s=0.0005, misfit_mm=0.005)
+LEVELS = Components(slow_mm=0.1, run_s=0.0, run_mm=0.0, late_s=0.0005, misfit_mm=0.005)
 
 
 def linear(
@@ -40,8 +40,8 @@ def linear(
     n = residual_mm.size
     zero = np.zeros((1, n))
     parts = Scatter(
-        np.full((1, n), 0.01), zero, zero, rng.uniform(50, 300, n), np.zeros(n), np.zeros(n, np.int64), np.zeros(1),
-        np.arange(n, dtype=float),
+        np.full((1, n), 0.01), np.ones((1, n)), zero, zero, rng.uniform(50, 300, n), np.zeros(n),
+        np.zeros(n, np.int64), np.zeros(1), np.arange(n, dtype=float),
     )  # fmt: skip
     columns = np.column_stack([of_unit_rms(m.columns) for m in members])
     at = tuple(np.array([k]) for k in range(len(members)))
@@ -73,7 +73,7 @@ def test_the_evidence_of_every_set_is_the_marginal_likelihood_of_its_gaussian_mo
     members = tuple(Member(name, (), rng.standard_normal((n, 1)), np.log(0.02)) for name in ("one", "two"))
     residual_mm = 0.3 * members[0].columns[:, 0] + 0.1 * rng.standard_normal(n)
     seen = linear(rng, residual_mm, members)
-    local = 0.01 + LEVELS.edge_mm**2 + (LEVELS.late_s * seen.parts.late_mm_s) ** 2
+    local = 0.01 + LEVELS.slow_mm**2 + (LEVELS.late_s * seen.parts.late_mm_s) ** 2
     tolerated_mm2 = (SINGULAR * LEVELS.misfit_mm) ** 2 + constants.ROUNDING_MM**2
     covariance = np.diag(local) + seen.base @ np.diag([1 / 4.0, tolerated_mm2]) @ seen.base.T
     found = {e.members: e for e in searched(seen, (normal(seen, LEVELS),)).explanations}
@@ -281,7 +281,7 @@ def test_a_fit_s_effect_alone_is_judged_at_the_noise_that_is_likely_with_it_alon
     residual_mm = 2.0 * own.columns[:, 0] + 0.15 * offsets.columns[:, 0] + 0.1 * rng.standard_normal(n)
     seen = linear(rng, residual_mm, (own, offsets), ("scan_skew",))
     seen = replace(seen, parts=replace(seen.parts, run=run, loose_s=np.zeros(runs)))
-    levels, search = likely_levels(seen, (), (Components(edge_mm=0.03, run_s=0.0, run_mm=0.0),), most=4)
+    levels, search = likely_levels(seen, (), (Components(slow_mm=0.03, run_s=0.0, run_mm=0.0),), most=4)
     alone = next(e for e in search.explanations if search.names(e) == ("scan_skew",))
     value = max(log_evidence(searched(seen, (normal(seen, one),)), alone)[0] for one in levels)
     best = likeliest_levels(seen, alone.members, alone.scales_mm, Components(run_mm=0.1))

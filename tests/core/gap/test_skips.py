@@ -22,7 +22,7 @@ from draglag.simulation.effects.second_filter_mode.fitted import FittedMode
 from draglag.simulation.effects.second_filter_mode.lateness import Lateness, without_lateness
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 from draglag.simulation.effects.second_filter_mode.skips import Skips, find_skips, threshold_of_change
-from draglag.simulation.effects.second_filter_mode.unsure import NEAR_SWITCH_S, near_switch
+from draglag.simulation.effects.second_filter_mode.unsure import NEAR_SWITCH_S, state_variance
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.rig import rig_for_screen
 
@@ -165,10 +165,37 @@ class Edges:
 
 def test_a_switch_between_two_edges_leaves_those_unsure_that_it_may_be_near() -> None:
     edges = Edges(np.array([0.0, 1.0, 2.0, 2.1, 9.0]), np.array([0, 0, 0, 0, 1]))
-    unsure = near_switch(edges, Setting(0.0, By.TIME, (1.5, 5.0)), SIZE_S)  # type: ignore[arg-type]
+    unsure = 3 * state_variance(edges, Setting(0.0, By.TIME, (1.5, 5.0)), SIZE_S)  # type: ignore[arg-type]
     # Anywhere between 1 and 2 s; the end at 5 s lies between two runs, and is of neither.
     late = NEAR_SWITCH_S - 0.1  # what of the second before 2 s the edge at 2.1 s still reaches
     assert unsure == pytest.approx([0.0, NEAR_SWITCH_S, NEAR_SWITCH_S, late, 0.0])
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Edges of some runs at their speeds."""
+
+    run: IntArray
+    speed_mm_s: FloatArray
+    accel_apart_mm_s2: FloatArray
+    speed_half_s: FloatArray
+
+    @classmethod
+    def of(cls, *each: FloatArray) -> Speeds:
+        speed = np.concatenate(each)
+        run = np.repeat(np.arange(len(each)), [one.size for one in each])
+        return cls(run, speed, np.full(speed.size, 30.0), np.full(speed.size, 0.25))
+
+
+def test_only_edges_near_a_threshold_are_unsure() -> None:
+    """The speed at an edge is known to 0.01 of it and 2 mm/s, and changes by 4.5 mm/s until the state is another."""
+    below, above, across = np.linspace(112, 124, 20), np.linspace(156, 170, 20), np.linspace(95, 185, 91)
+    edges = Speeds.of(below, above, across)
+    unsure = state_variance(edges, Setting(139.0, By.SPEED), SIZE_S)  # type: ignore[arg-type]
+    assert np.all(unsure[edges.run < 2] < 1e-3)  # four standard errors off
+    inside = unsure[edges.run == 2]
+    assert inside[np.abs(across - 139.0) < 4.0] == pytest.approx(0.5, abs=0.01)
+    assert np.all(inside[np.abs(across - 139.0) > 30.0] < 1e-3)
 
 
 def test_events_are_freed_of_a_lateness_and_of_a_standstill() -> None:

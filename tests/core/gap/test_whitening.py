@@ -16,10 +16,10 @@ def parts() -> Scatter:
     run = np.sort(rng.integers(0, 4, M))
     same = np.array([[i + j < M and run[min(i + j, M - 1)] == run[i] for i in range(M)] for j in range(REACH)])
     # Diagonally dominant, so that it is a covariance.
-    fixed, speed, tremor = (np.where(same, rng.uniform(-0.1, 0.1, (REACH, M)), 0.0) for _ in range(3))
-    fixed[0], speed[0], tremor[0] = (rng.uniform(1, 2, M) for _ in range(3))
+    fixed, slow, speed, tremor = (np.where(same, rng.uniform(-0.1, 0.1, (REACH, M)), 0.0) for _ in range(4))
+    fixed[0], slow[0], speed[0], tremor[0] = (rng.uniform(1, 2, M) for _ in range(4))
     late, uneven, loose = rng.normal(0, 300, M), rng.normal(0, 2, M), np.array([0.0, 2e-3, 0.0, 1e-3])
-    return Scatter(fixed, speed, tremor, late, uneven, run, loose, np.cumsum(rng.uniform(0.02, 0.2, M)))
+    return Scatter(fixed, slow, speed, tremor, late, uneven, run, loose, np.cumsum(rng.uniform(0.02, 0.2, M)))
 
 
 def _dense(parts: Scatter, components: Components) -> np.ndarray:
@@ -27,8 +27,9 @@ def _dense(parts: Scatter, components: Components) -> np.ndarray:
     for i in range(M):
         for j in range(min(REACH, M - i)):
             shared = components.speed**2 * parts.speed_mm2[j, i] + components.tremor_mm_s**2 * parts.tremor_s2[j, i]
+            shared += components.slow_mm**2 * parts.slow[j, i]
             c[i + j, i] = c[i, i + j] = parts.fixed_mm2[j, i] + shared
-    c += np.diag(components.edge_mm**2 + (components.late_s * parts.late_mm_s) ** 2)
+    c += np.diag((components.late_s * parts.late_mm_s) ** 2)
     apart_s = np.abs(np.subtract.outer(parts.t_s, parts.t_s))
     wander = np.outer(parts.late_mm_s, parts.late_mm_s) * np.exp(-apart_s / MEMORY_S)
     c += np.where(parts.run[:, None] == parts.run, components.wander_s**2 * wander, 0.0)

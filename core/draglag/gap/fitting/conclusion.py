@@ -10,7 +10,7 @@ import numpy as np
 from draglag.gap.fitting.descent import Search, lowered
 from draglag.gap.fitting.likelihood import likeliest, likelihoods
 from draglag.gap.fitting.model import base_prior
-from draglag.gap.fitting.noise import BETWEEN, EDGE_MM, SPEED, Components, Scatter, scatter
+from draglag.gap.fitting.noise import BETWEEN, SLOW_MM, SPEED, Components, Scatter, scatter
 from draglag.gap.fitting.state import State, usable
 from draglag.gap.fitting.whitening import whitener
 from draglag.gap.traces.run_data import RunData
@@ -46,7 +46,7 @@ class End:
         state, components = search.state, search.components
         use = search.use & (usable(state, runs, loose=False) if smaller is None else state.placed.ok)
         parts = scatter(runs, state.placed, use, state.blur_mm)
-        begun = [components, replace(components, edge_mm=EDGE_MM[0], speed=SPEED[-1])]
+        begun = [components, replace(components, slow_mm=SLOW_MM[0], speed=SPEED[-1])]
         if smaller is not None:
             begun.append(smaller)  # or the larger model may seem the less likely one
         prior = state.prior.copy()

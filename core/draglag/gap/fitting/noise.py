@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from draglag.gap.constants import MEMORY_S, MISFIT_MM, ROUNDING_MM
+from draglag.gap.constants import MEMORY_S, MISFIT_MM, ROUNDING_MM, USUAL_SPEED_ERROR, USUAL_TREMOR_MM_S
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
 from draglag.path.motion import SPEED_TIMING_S
@@ -16,7 +16,7 @@ from draglag.recording import FloatArray, IntArray
 
 # Grids of the search, coarser than those by which explanations are compared, of the same parts. Physical: see
 # posterior/levels.
-EDGE_MM = (0.0, 0.05, 0.1, 0.2, 0.4)
+SLOW_MM = (0.0, 0.05, 0.1, 0.2, 0.4)
 SPEED = (0.0, 0.005, 0.01, 0.02, 0.04)
 TREMOR_MM_S = (0.0, 1.5, 3.0, 6.0)
 UNEVEN = (0.1, 0.3)
@@ -33,14 +33,15 @@ MEMORIES = 12  # after so many of these nothing is left of it (6e-6). Derived
 class Components:
     """Standard deviations beyond touch noise.
 
-    speed: relative error of the law's speed; tremor_mm_s: absolute. uneven: relative error of following changes of
-    speed. run_s, run_mm: latency and offset of a run. late_s, wander_s: lateness of single reports, and one that
-    wanders. misfit_mm: of each shape that the posterior tolerates.
+    slow_mm: of positions, by noise slower than the windows of local fits. speed: relative error of the law's speed;
+    tremor_mm_s: absolute. uneven: relative error of following changes of speed. run_s, run_mm: latency and offset of a
+    run. late_s, wander_s: lateness of single reports, and one that wanders. misfit_mm: of each shape that the posterior
+    tolerates.
     """
 
-    edge_mm: float = 0.05
-    speed: float = 0.01
-    tremor_mm_s: float = 2.0
+    slow_mm: float = 0.05
+    speed: float = USUAL_SPEED_ERROR
+    tremor_mm_s: float = USUAL_TREMOR_MM_S
     uneven: float = 0.1
     run_s: float = 0.0003
     run_mm: float = 0.02
@@ -50,7 +51,7 @@ class Components:
 
 
 LOCAL: tuple[dict[str, tuple[float, ...]], ...] = (  # kinds that trade places are sought together
-    {"edge_mm": EDGE_MM},
+    {"slow_mm": SLOW_MM},
     {"speed": SPEED, "tremor_mm_s": TREMOR_MM_S},
     {"uneven": UNEVEN},
     {"run_s": RUN_S, "run_mm": RUN_MM},
@@ -86,12 +87,13 @@ class Neighbours:
 class Scatter:
     """Covariance of used edges (m,) per unit component; bands (b, m): row j holds edges i and i + j of one run.
 
-    fixed_mm2: touch noise, time of the speed, blur. late_mm_s, uneven_mm: (m,) by latency and uneven following.
-    loose_s: (runs,) misfit allowed to runs of changing speed, and of a state unsure all along. t_s: (m,) of edges.
-    blur_mm2: (m,) by what effects leave unknown.
+    fixed_mm2: touch noise, time of the speed, blur. slow: correlation of slow noise. late_mm_s, uneven_mm: (m,) by
+    latency and uneven following. loose_s: (runs,) misfit allowed to runs of changing speed, and of a state unsure all
+    along. t_s: (m,) of edges. blur_mm2: (m,) by what effects leave unknown.
     """
 
     fixed_mm2: FloatArray
+    slow: FloatArray
     speed_mm2: FloatArray
     tremor_s2: FloatArray
     late_mm_s: FloatArray
@@ -111,7 +113,7 @@ class Scatter:
         """Part (``touch``, ``blur`` or of ``Components``) → RMS over edges."""
         one, late = np.ones(self.run.size), self.late_mm_s**2
         unit = {
-            "edge_mm": one,
+            "slow_mm": one,
             "speed": self.speed_mm2[0],
             "tremor_mm_s": self.tremor_s2[0],
             "uneven": self.uneven_mm**2,
@@ -148,7 +150,10 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
         fixed += near.band(blur_mm[use], np.exp(-near.apart_s / ACCEL_MEMORY_S))
     fades = np.exp(-near.apart_s / SPEED_MEMORY_S)
     share, tremor = near.band(follows * speed, fades), near.band(follows, fades)
-    return Scatter(fixed, share, tremor, late_mm_s, uneven_mm, run, loose_s, t_s, blur_mm[use] ** 2)
+    # A window averages faster noise, and half of it is how long the rest lasts.
+    half_s = np.array([data.half_s for data in runs])
+    slow = near.band(np.ones(run.size), np.exp(-near.apart_s / half_s[run]))
+    return Scatter(fixed, slow, share, tremor, late_mm_s, uneven_mm, run, loose_s, t_s, blur_mm[use] ** 2)
 
 
 def timing_mm(placed: Placed) -> FloatArray:

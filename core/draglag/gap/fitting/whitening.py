@@ -93,15 +93,15 @@ def inner_products(parts: Scatter, columns: FloatArray) -> Products:
 
     @cache
     def banded(
-        edge_mm: float, speed: float, tremor_mm_s: float, late_s: float, wander_s: float
+        slow_mm: float, speed: float, tremor_mm_s: float, late_s: float, wander_s: float
     ) -> tuple[FloatArray, Common]:
-        local = Components(edge_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0, late_s, wander_s)
+        local = Components(slow_mm, speed, tremor_mm_s, 0.0, 0.0, 0.0, late_s, wander_s)
         white, common = whitened_columns(parts, local, columns)
         return white.T @ white, common
 
     def products(components: Components) -> tuple[FloatArray, float]:
         c = components
-        whole, common = banded(c.edge_mm, c.speed, c.tremor_mm_s, c.late_s, c.wander_s)
+        whole, common = banded(c.slow_mm, c.speed, c.tremor_mm_s, c.late_s, c.wander_s)
         rows, log_det = common.rows(components)
         return whole - rows.T @ rows, log_det
 
@@ -149,7 +149,8 @@ def _banded(parts: Scatter, components: Components) -> FloatArray:
     """B (b, m)."""
     banded = parts.fixed_mm2 + components.speed**2 * parts.speed_mm2
     banded += components.tremor_mm_s**2 * parts.tremor_s2
-    banded[0] += components.edge_mm**2 + components.late_s**2 * parts.late_mm_s**2
+    banded += components.slow_mm**2 * parts.slow
+    banded[0] += components.late_s**2 * parts.late_mm_s**2
     if not components.wander_s:
         return np.asarray(banded)
     wander = components.wander_s**2 * parts.wander_mm2_s2

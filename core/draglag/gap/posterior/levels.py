@@ -20,8 +20,8 @@ class Part:
 
 
 NOISE = {
-    # Edges by themselves, mm: comparator, chatter, what the local fits leave.
-    "edge_mm": Part((0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45), 0.15, 0.14),
+    # Positions, mm: noise slower than the windows of the local fits.
+    "slow_mm": Part((0.0, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45), 0.15, 0.14),
     # Relative error of the law's argument, a speed.
     "speed": Part((0.0, 0.003, 0.006, 0.01, 0.015, 0.022, 0.03, 0.045), 0.02, 0.022),
     # Error of that speed by tremor, mm/s: 0.1 mm at 9 Hz is 5 mm/s.

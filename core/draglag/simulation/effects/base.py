@@ -61,6 +61,8 @@ class Effect(InFits):
     parameters: ClassVar[tuple[Parameter, ...]]
     title: ClassVar[str] = ""
     """Name for people; empty: its id in words."""
+    in_detail: ClassVar[str] = ""
+    """How it is computed, for who writes a simulation of it."""
     follows: ClassVar[str] = ""
     """Covariate that its gap follows: speed, session_time, x, direction, kind_of_edge, acceleration, taps, frame …"""
     where: ClassVar[str] = "everywhere"

@@ -18,6 +18,7 @@ class ClockDrift(Effect):
         "The laser's clock runs fast against the host's by a constant rate that nobody corrected, "
         "counted from the start of the session."
     )
+    in_detail: ClassVar[str] = "The laser's stamps are multiplied by 1 + drift, from the first event of the session on."
     follows: ClassVar[str] = "session_time"
     where: ClassVar[str] = "growing with session time"
     per_term: ClassVar[float] = 1e6

@@ -17,6 +17,10 @@ from draglag.simulation.kinematics import Kinematics
 class ContactTrail(Effect):
     id: ClassVar[str] = "contact_trail"
     meaning: ClassVar[str] = "The reported position trails the stylus by a fixed distance along its motion."
+    in_detail: ClassVar[str] = (
+        "It adds trail / v to the latency: an Eq. 5 takes most of a positive one, and a negative one makes "
+        "the latency rise with speed."
+    )
     undone_in: ClassVar[str] = "touch"
     needs: ClassVar[str] = "other stylus"
     identifiable_with: ClassVar[str] = "a fixed trail hides in the latency law: a tap or a second stylus shows it"

@@ -24,6 +24,10 @@ class Deadband(Effect):
         "Movements below a width are held back: reported at once when it is reached (kind 0), followed at half of it "
         "(1), or as the kernel's fuzz filter does (2)."
     )
+    in_detail: ClassVar[str] = (
+        "The width is that of the way in the plane for kinds 0 and 1, of each axis for kind 2; in kind 1 the "
+        "position stays half of it behind."
+    )
     follows: ClassVar[str] = "speed"
     where: ClassVar[str] = "where the stylus is slow or turns"
     separated_by: ClassVar[str] = "a slow line with turns: there a deadband stands still, a trailing contact does not"

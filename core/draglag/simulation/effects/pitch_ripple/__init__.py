@@ -40,6 +40,10 @@ class PitchRipple(Effect):
         "The position error is periodic in the electrode pitch: the error in each axis is a sine of "
         "the place along the other, as diamond electrodes make it."
     )
+    in_detail: ClassVar[str] = (
+        "x changes by A sin(2π y / p) and y by A sin(2π x / p), with x and y from the panel's top left "
+        "corner. A fit takes any phase."
+    )
     follows: ClassVar[str] = "x"
     where: ClassVar[str] = "along the panel, periodic in the electrode pitch"
     undone_in: ClassVar[str] = "touch"

@@ -32,6 +32,7 @@ class Prediction(Effect):
         "earlier, taps are not. A tracker that swings wide in curves (alpha-beta, Kalman) looks the same on edges; "
         "only the noise of its events is smoother."
     )
+    in_detail: ClassVar[str] = "The velocity is the way from the position a window ago, over the window."
     follows: ClassVar[str] = "normal_acceleration"
     refitted_by: ClassVar[str] = "draglag.simulation.effects.prediction.refits"
     separated_by: ClassVar[str] = "taps on the same clock: a clock's offset moves them, a prediction does not"

@@ -19,6 +19,7 @@ class SampleHold(Effect):
     meaning: ClassVar[str] = (
         "The host runs a loop at this rate and records the last event at every tick, stamped with the tick."
     )
+    in_detail: ClassVar[str] = "A row at every tick, also where nothing is new."
     follows: ClassVar[str] = "host_tick"
     undone_in: ClassVar[str] = "stream"
     uneven_ages: ClassVar[bool] = True

@@ -16,7 +16,7 @@ from draglag.simulation.effects.parameter import Parameter
 from draglag.simulation.effects.second_filter_mode.lateness import Lateness
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting
 from draglag.simulation.effects.second_filter_mode.skips import threshold_of_change
-from draglag.simulation.effects.second_filter_mode.unsure import near_switch
+from draglag.simulation.effects.second_filter_mode.unsure import state_variance
 from draglag.simulation.kinematics import Kinematics
 from draglag.simulation.residual import LineGains, Signature, View, column
 
@@ -42,6 +42,9 @@ SKIP_UNKNOWN = 0.03  # of a lateness: the touch events' rate in time, their spee
 class SecondFilterMode(Effect):
     id: ClassVar[str] = "second_filter_mode"
     meaning: ClassVar[str] = "Above a switching speed the digitiser uses a second filter, slower by a constant."
+    in_detail: ClassVar[str] = (
+        "The speed is that of the stylus at the reported position; it switches at once and without hysteresis."
+    )
     follows: ClassVar[str] = "speed"
     where: ClassVar[str] = "above a threshold of speed"
     undone_in: ClassVar[str] = "law of speed"
@@ -97,7 +100,7 @@ class SecondFilterMode(Effect):
             return 0.0
         size_s = setting.above if setting.shown else term.sizes[0]
         apart_mm = np.abs(size_s * placed.v_mm_s[:, 1] * placed.stretch)
-        return np.asarray(apart_mm * np.sqrt(near_switch(placed, setting, size_s) / 3))
+        return np.asarray(apart_mm * np.sqrt(state_variance(placed, setting, size_s)))
 
     @classmethod
     def size_sd(cls, found: FittedTerm) -> float:

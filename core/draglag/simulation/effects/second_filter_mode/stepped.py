@@ -32,9 +32,8 @@ class Step:
     alone: bool = False
 
     def thresholds_mm_s(self, count: int = 13) -> FloatArray:
-        """Candidate thresholds, a little beyond both runs."""
-        low, high = self.between_mm_s
-        return np.geomspace(0.95 * low, 1.05 * high, count)
+        """Candidate thresholds, between the runs."""
+        return np.geomspace(*self.between_mm_s, count + 2)[1:-1]
 
 
 def find_step(runs: tuple[RunData, ...], less_s: FloatArray | None = None) -> Step | None:

@@ -15,7 +15,7 @@ from draglag.gap.traces.edges import Placed
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 from draglag.simulation.effects.second_filter_mode.skips import MOSTLY_ALIKE, largest_alike
-from draglag.simulation.effects.second_filter_mode.unsure import near_switch
+from draglag.simulation.effects.second_filter_mode.unsure import state_variance
 
 SIZES_S = np.geomspace(0.003, 0.04, 14)
 STARTS = (0.1, 0.35, 0.65, 0.9)  # quantiles of a run's latencies that its earlier level is looked for at
@@ -120,7 +120,7 @@ def misassigned_s(fit: Fit, setting: Setting) -> tuple[float, ...]:
     later = later_of(placed, setting)
     late_s = late_s + fit.terms[-1].sizes[0] * later  # what is fitted of it may be the mistaken ones'
     if_mistaken_s = setting.above * (1.0 - 2.0 * later)
-    usable &= near_switch(placed, setting, setting.above) == 0
+    usable &= state_variance(placed, setting, setting.above) == 0
     out: list[tuple[float, float]] = []
     for k in range(len(fit.runs)):
         own = np.flatnonzero(usable & (placed.run == k))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import ndtr
 
 from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting
@@ -15,18 +16,40 @@ if TYPE_CHECKING:
 NEAR_SWITCH_S = 0.15
 NEAR_SKIP_S = 0.01  # with the lateness undone in the trace
 MOSTLY = 0.5
-UNSURE_MM_S = 12.0  # of a speed at an edge: a tremor of 0.2 mm at 9 Hz is no longer seen in it
+EITHER = 0.5  # probability of a state of which nothing is known. Derived
+SURE = 1e-3  # probability of another state that is none: of a session's thousand edges not one. Derived
 
 
-def near_switch(placed: Placed, setting: Setting, size_s: float) -> FloatArray:
-    """Probability (m,) that an edge lies so near a switch that its state is unsure, or its position averages both."""
+def state_variance(placed: Placed, setting: Setting, size_s: float) -> FloatArray:
+    """Mean square (m,) by which an edge's state, 0 or 1, may be wrong.
+
+    The stylus may be on the other side of the threshold; next to a switch its position averages both states.
+    """
     if setting.by is By.SPEED:
-        unsure_mm_s = NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2) + UNSURE_MM_S
-        unsure_mm_s += placed.speed_mm_s * abs(size_s) / placed.speed_half_s
-        near = np.abs(placed.speed_mm_s - setting.above) < unsure_mm_s
-        # In a run that is about the threshold all along, the other edges are those whose speed was read wrong.
-        share = np.bincount(placed.run, near) / np.maximum(np.bincount(placed.run), 1)
-        return np.asarray((near | (share >= MOSTLY)[placed.run]).astype(float))
+        return _other_side(placed, setting.above, size_s)
+    return _near_times(placed, setting) / 3
+
+
+def _other_side(placed: Placed, above_mm_s: float, size_s: float) -> FloatArray:
+    """Probability (m,) that the stylus is on the other side of a threshold; near a switch a half."""
+    from draglag.gap.constants import USUAL_SPEED_ERROR, USUAL_TREMOR_MM_S
+
+    sd_mm_s = np.hypot(USUAL_SPEED_ERROR * placed.speed_mm_s, USUAL_TREMOR_MM_S)
+    apart_mm_s = np.abs(placed.speed_mm_s - above_mm_s) - NEAR_SWITCH_S * np.abs(placed.accel_apart_mm_s2)
+    other = ndtr(-apart_mm_s / sd_mm_s)
+    # A switch moves the position, which reads as speed: in a run without one no speed is read wrong.
+    count = np.maximum(np.bincount(placed.run), 1)
+    above = np.bincount(placed.run, np.where(placed.speed_mm_s > above_mm_s, 1 - other, other))
+    switches = np.minimum(above, count - above) >= 1
+    misread_mm_s = switches[placed.run] * placed.speed_mm_s * abs(size_s) / placed.speed_half_s
+    other = np.minimum(ndtr((misread_mm_s - apart_mm_s) / sd_mm_s), EITHER)
+    # In a run that is about the threshold all along, the other edges are those whose speed was read wrong.
+    about = np.bincount(placed.run, other) >= MOSTLY * EITHER * count
+    return np.asarray(np.where(about[placed.run], EITHER, np.where(other < SURE, 0.0, other)))
+
+
+def _near_times(placed: Placed, setting: Setting) -> FloatArray:
+    """Probability (m,) that an edge lies so near a switch that its position averages both levels."""
     times = np.array(setting.times_s)
     if times.size == 0:
         return np.zeros(len(placed))

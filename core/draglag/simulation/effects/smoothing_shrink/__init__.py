@@ -33,6 +33,10 @@ class SmoothingShrink(Effect):
         "The low-pass behind the latency also shrinks curved paths; its mean delay is part of the "
         "latency, its shrinking is this effect."
     )
+    in_detail: ClassVar[str] = (
+        "Simulated as a filter without delay whose gain is that of a first-order low-pass with this time "
+        "constant, so that the latency of a straight line and of taps stays what the law says."
+    )
     hides_hand: ClassVar[bool] = True
     follows: ClassVar[str] = "normal_acceleration"
     where: ClassVar[str] = "where the path bends"

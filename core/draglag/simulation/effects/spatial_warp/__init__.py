@@ -41,6 +41,11 @@ class SpatialWarp(Effect):
         "Reported heights are bent along the panel by a smooth quadratic: this much at its left and "
         "right edges, half of it the other way in the middle."
     )
+    in_detail: ClassVar[str] = (
+        "y changes by A (1.5 u² − 0.5), u from −1 at the left edge to 1 at the right: down the screen at both "
+        "edges for a positive A. A fit takes any bend or wave along x and reports half of its range, without "
+        "a sign."
+    )
     follows: ClassVar[str] = "x"
     where: ClassVar[str] = "along x, smoothly"
     separated_by: ClassVar[str] = "a second beam height: a bent panel bends there too, a curved beam moves along"

@@ -49,6 +49,11 @@ class SpeedAdaptiveFilter(Effect):
         "Positions pass a first-order low-pass whose cut-off rises with the speed, from this one at rest (1 euro "
         "filter)."
     )
+    in_detail: ClassVar[str] = (
+        "One cut-off for both axes, fmin + β |v|, with v the change of the raw positions from report to "
+        "report behind a low-pass of 1 Hz. The filter comes after the panel's own latency and adds its delay "
+        "to it."
+    )
     follows: ClassVar[str] = "speed"
     where: ClassVar[str] = "where the speed changes"
     separated_by: ClassVar[str] = "a chirp or step whose speed changes quickly"
