@@ -246,25 +246,19 @@ def test_a_ripple_along_y_alone_is_named_with_its_amplitude(sound: Session) -> N
     assert step.parameters["pitch_mm"][0] == pytest.approx(5.6, rel=0.01)
 
 
-@pytest.mark.parametrize(("threshold_mm_s", "seeds"), [(180, (5, 1, 2)), (320, (5,))])
-def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_away_from_switches(
-    threshold_mm_s: float, seeds: tuple[int, ...]
-) -> None:
+@pytest.mark.parametrize("threshold_mm_s", [180, 320])
+def test_a_filter_that_switches_within_a_run_is_sized_by_the_edges_away_from_switches(threshold_mm_s: float) -> None:
     """The run at the threshold itself switches with every tremor: about a switch an edge is of neither filter."""
-    half_s = []
-    for seed in seeds:
-        report = close_gap(simulated(f"second_filter_mode=0.012,threshold_mm_s={threshold_mm_s}", seed=seed))
-        (step,) = report.steps
-        assert (report.verdict, step.effect) == ("explained", "second_filter_mode")
-        extra_s, (low, high) = step.parameters["extra_s"]
-        assert extra_s == pytest.approx(0.012, abs=1.5 * (high - low) / 2)
-        half_s.append((high - low) / 2)
-        low, high = step.parameters["threshold_mm_s"][1]
-        assert low < threshold_mm_s < high
-        assert report.gap_last_mm is not None
-        if seed == 5:  # that of the sound session
-            assert report.gap_last_mm < 1.1 * sound_sessions.gap_mm(sound_sessions.report_of_demo())
-    assert np.median(half_s) < 0.0015  # of single sessions it varies by two, as a jackknife over a dozen runs does
+    report = close_gap(simulated(f"second_filter_mode=0.012,threshold_mm_s={threshold_mm_s}"))
+    (step,) = report.steps
+    assert (report.verdict, step.effect) == ("explained", "second_filter_mode")
+    extra_s, (low, high) = step.parameters["extra_s"]
+    assert extra_s == pytest.approx(0.012, abs=1.5 * (high - low) / 2)
+    assert (high - low) / 2 < 0.0015
+    low, high = step.parameters["threshold_mm_s"][1]
+    assert low < threshold_mm_s < high
+    assert report.gap_last_mm is not None
+    assert report.gap_last_mm < 1.1 * sound_sessions.gap_mm(sound_sessions.report_of_demo())
 
 
 @pytest.mark.parametrize(

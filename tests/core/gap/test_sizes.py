@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,7 +13,8 @@ import pytest
 from core import sound_sessions
 from draglag.exchange import read_exchange
 from draglag.gap.fitting.heldout import gap_mm
-from draglag.gap.fitting.joint import fit_session
+from draglag.gap.fitting.jackknife import jackknife_sd
+from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.fitting.parameters import whole_size_mm
 from draglag.gap.fitting.state import Term
 from draglag.gap.posterior import answer
@@ -59,3 +62,19 @@ def test_what_moves_few_edges_but_shrinks_the_gap_is_of_interest(monkeypatch: py
     assert answer.answer_of(pool).effects == ("pitch_ripple",)
     monkeypatch.setattr(answer, "_shrinks_by_mm", lambda pool, fit, name: 0.0)
     assert answer.answer_of(pool).effects == ()
+
+
+def test_a_run_that_knows_most_of_a_size_does_not_widen_its_interval() -> None:
+    """One number, of which one run of twelve has two thirds of the information."""
+    rng = np.random.default_rng(1)
+    run = np.repeat(np.arange(12), 20)
+    design = np.where(run == 0, 1.0, np.sqrt(0.5 / 11))[:, None]
+    variance = 1 / float(np.sum(design**2))
+    white = SimpleNamespace(apply=lambda columns: columns)
+    squares = []
+    for _ in range(1000):
+        residual = rng.standard_normal(run.size)
+        fit = SimpleNamespace(white=white, design=design, residual_mm=residual, prior=np.zeros(1), run_index=run)
+        squares.append(jackknife_sd(cast("Fit", fit))[0] ** 2)
+    # A square of about two degrees of freedom varies by its mean: of a thousand the mean by 3 %.
+    assert np.mean(squares) == pytest.approx(variance, rel=0.12)
