@@ -15,6 +15,7 @@ SEGMENT_S = 8.0
 LONGEST_FILL = 3  # missing events that interpolation bridges without harm
 NOISE_UP_TO_HZ = 7.0  # between the path and tremor there is only noise
 QUIET_FROM_HZ = 14.0  # and above tremor
+CIRCLES_UP_TO_HZ, STROKES_UP_TO_HZ = 12.0, 30.0  # corners that are tried: a stroke turns within 0.1 s. Physical
 FILTERS_HZ = (2.0, 4.0, 8.0, 16.0)
 TOGETHER = 0.25  # of the interval: closer events were delivered together
 
@@ -123,6 +124,21 @@ def corner_of(spectrum: Spectrum) -> tuple[float, float, float]:
     return rhythm, corner, _noise_below(spectrum, corner, noise)
 
 
+def corner_of_strokes(spectrum: Spectrum) -> tuple[float, float, float]:
+    """As ``corner_of``, for strokes: their turns have every harmonic of the rhythm, so that none is free."""
+    f, power = spectrum.f_hz, spectrum.power
+    up_to_hz = min(STROKES_UP_TO_HZ, 0.5 * float(f[-1]))
+    noise = median(power[f > min(QUIET_FROM_HZ, up_to_hz)]) / spectrum.median
+    corners, loss = _corners(spectrum, 0.0, up_to_hz)
+    for _ in range(2):
+        risk = (loss**2 * power).sum(1) + 2 * noise * (1 - loss).sum(1)
+        corner = float(corners[int(np.argmin(risk))])
+        beyond = f > 1.5 * corner
+        if np.count_nonzero(beyond) >= 5:
+            noise = median(power[beyond]) / spectrum.median
+    return 0.0, corner, noise
+
+
 def corner_for_mean(spectrum: Spectrum, rhythm_hz: float, corner_hz: float, noise: float, places: float) -> float:
     """The best corner for a mean over independent places, in which noise averages out."""
     corners, loss = _corners(spectrum, rhythm_hz)
@@ -142,10 +158,10 @@ def _rhythm_hz(spectrum: Spectrum) -> float:
     return 0.0 if rhythm < 3 * f[1] else rhythm
 
 
-def _corners(spectrum: Spectrum, rhythm_hz: float) -> tuple[FloatArray, FloatArray]:
+def _corners(spectrum: Spectrum, rhythm_hz: float, up_to_hz: float = CIRCLES_UP_TO_HZ) -> tuple[FloatArray, FloatArray]:
     f = spectrum.f_hz
     start = max(1.15 * rhythm_hz, rhythm_hz + 2 * f[1], 3 * f[1])
-    corners = start * (max(12.0, 3 * rhythm_hz) / start) ** np.linspace(0, 1, 30)
+    corners = start * (max(up_to_hz, 3 * rhythm_hz) / start) ** np.linspace(0, 1, 30)
     at = penalty_at_corner(corners, rhythm_hz)
     return corners, 1 / (1 + at[:, None] / np.maximum(penalty(f, rhythm_hz)[None], 1e-30))
 

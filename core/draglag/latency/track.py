@@ -8,7 +8,16 @@ import numpy as np
 
 from draglag.latency.estimate import Prepared
 from draglag.latency.path import INDEPENDENT_S, Path, smooth_path
-from draglag.latency.spectrum import Events, Spectrum, corner_for_mean, corner_of, events_of, spectrum_of
+from draglag.latency.spectrum import (
+    Events,
+    Spectrum,
+    corner_for_mean,
+    corner_of,
+    corner_of_strokes,
+    events_of,
+    spectrum_of,
+)
+from draglag.latency.steady import keeps_speed
 from draglag.latency.tremor import Tremor, tremor_of
 from draglag.path.events import contact_losses
 from draglag.recording import FloatArray
@@ -72,7 +81,7 @@ def smoothed_of(ready: Prepared) -> Smoothed:
     """The smooth path of a run, and its spectrum."""
     events = events_of(ready.touch.t_s, ready.xy_mm)
     spectrum = spectrum_of(events)
-    rhythm_hz, corner_hz, noise = corner_of(spectrum)
+    rhythm_hz, corner_hz, noise = (corner_of if keeps_speed(ready.run) else corner_of_strokes)(spectrum)
     return Smoothed(events, spectrum, smooth_path(events, rhythm_hz, corner_hz, noise), noise)
 
 

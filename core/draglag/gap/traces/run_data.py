@@ -17,7 +17,7 @@ from draglag.gap.traces.searched import searched
 from draglag.gap.traces.steep import wide_enough
 from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import FEWEST_EDGES, GUESS_S, RunEstimate, prepare
-from draglag.latency.steady import SPREAD, has_constant_speed
+from draglag.latency.steady import has_constant_speed, keeps_speed
 from draglag.messages import message
 from draglag.path.events import contact_losses, sample_interval_s
 from draglag.path.local_fit import local_fit
@@ -55,10 +55,7 @@ class RunData:
     @cached_property
     def steady(self) -> bool:
         """Whether it has one speed all along, not only where it crosses the beam, as strokes have."""
-        if self.estimate is None or self.run.protocol == "circle":
-            return self.estimate is not None
-        speed = self.quick[1]
-        return float(speed.std()) <= SPREAD * float(speed.mean())
+        return self.estimate is not None and keeps_speed(self.run)
 
     @property
     def keeps_moving(self) -> bool:
