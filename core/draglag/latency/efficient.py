@@ -20,6 +20,9 @@ from draglag.numerics import student_t
 from draglag.path.events import in_contact
 from draglag.recording import FloatArray
 
+# nats. A rejected edge may lie anywhere on the screen (300 mm) and is one in a hundred: ln(300 / √(2π) · 100). Physical
+REJECTED = 9.4
+NEAR_ENOUGH = 0.1  # of the stylus' width (RMS): between two points of the search's grid a parabola knows no better
 ALIAS_LOG_POSTERIOR = 4.0  # a rival minimum closer than this cannot be ruled out
 # Standard deviation of latencies of drags that are fast enough to fit again half a turn of their circle later: screens
 # show them 20 to 200 ms late. It chooses among minima only. Physical (the paper).
@@ -54,7 +57,10 @@ class Solution:
 
     @property
     def log_posterior(self) -> float:
-        return self.log_likelihood - 0.5 * (self.latency_s / USUAL_S) ** 2
+        """Per edge: at another latency others lie beyond the ends of the trace, which says nothing."""
+        usual = -0.5 * (self.latency_s / USUAL_S) ** 2
+        edges, rejected = self.edges.t_s.size, self.edges.n_rejected
+        return (self.log_likelihood + usual - REJECTED * rejected) / max(edges + rejected, 1)
 
     @property
     def se_s(self) -> float:
@@ -79,12 +85,12 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
         return replace(blank, flags=("unidentifiable",))
     solutions = [
         solution
-        for k in _worth_refining(coarse, minima)
+        for k in _worth_refining(coarse, minima, NEAR_ENOUGH * ready.stylus_diameter_mm)
         if (solution := _solved(ready, float(coarse.latency_s[k]), track)) is not None
     ]
     if not solutions:
         return replace(blank, flags=("unidentifiable",))
-    solutions.sort(key=lambda s: -s.log_posterior / max(s.edges.t_s.size, 1))
+    solutions.sort(key=lambda s: -s.log_posterior)
     best = solutions[0]
     if track.tremor is not None and best.p_no_scatter < SCATTER_CERTAIN:
         # Where a steep law re-times the trace, apparent tremor is not movement of the stylus: the edges decide.
@@ -93,10 +99,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
             best = plain
     best, pauses = _without_pauses(ready, best)
     extra = []
-    if any(
-        best.log_posterior - rival.log_posterior < ALIAS_LOG_POSTERIOR and abs(rival.latency_s - best.latency_s) > 0.01
-        for rival in solutions[1:]
-    ):
+    if any(_rivals(best, other) for other in solutions[1:]):
         extra += ["alias", "unidentifiable"]
     if best.n_outside > 0.1 * (best.n_outside + best.edges.t_s.size):
         extra.append("lost_contact")
@@ -105,16 +108,21 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     return common_flags(_describe(ready, blank, best, arrival, pauses), ready, best.edges, window_s, tuple(extra))
 
 
+def _rivals(best: Solution, other: Solution) -> bool:
+    behind = (best.log_posterior - other.log_posterior) * best.edges.t_s.size
+    return behind < ALIAS_LOG_POSTERIOR and abs(other.latency_s - best.latency_s) > 0.01
+
+
 def _without_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:
     others, pauses = without_pauses(ready, best.track, best.latency_s, best.parameters[1:4])
     without = _solved(others, best.latency_s, best.track) if pauses.t_s.size else None
     return (best, NONE) if without is None else (without, pauses)
 
 
-def _worth_refining(coarse: Scan, minima: list[int]) -> list[int]:
+def _worth_refining(coarse: Scan, minima: list[int], near_mm: float) -> list[int]:
     """Minima that may be the best: how near one lies to a point of the grid says nothing."""
     each = {k: coarse.between(k) for k in minima}
-    return [k for k in minima if each[k] <= 6 * min(each.values()) + 0.05]
+    return [k for k in minima if each[k] <= 6 * min(each.values()) + near_mm**2]
 
 
 def _solved(ready: Prepared, latency_s: float, track: Track) -> Solution | None:

@@ -60,9 +60,9 @@ def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatA
     if not found:
         return ready, NONE
     which, own, se, at = (np.array(column) for column in zip(*found, strict=True))
-    keep = np.ones(t_s.size, bool)
-    keep[which] = False
-    others = replace(ready.edges, t_s=t_s[keep], falling=ready.edges.falling[keep])
+    # A slow edge that the trace does not show has an unknown latency: it is none of the others, but rejected.
+    n_rejected = ready.edges.n_rejected + int(np.count_nonzero(slow)) - which.size
+    others = replace(ready.edges.take(~slow), n_rejected=n_rejected)
     return replace(ready, edges=others), Pauses(t_s[which], own, se, at)
 
 
