@@ -11,7 +11,8 @@ from draglag.gap import close_gap
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session
-from draglag.simulation import rig_for_screen, simulate_run_with_truth, simulate_session
+from draglag.simulation import LatencyLaw, rig_for_screen, simulate_run_with_truth, simulate_session
+from draglag.simulation.effects.sample_hold.stream import hold
 from draglag.simulation.kinematics import GRID_HZ, Motion
 from draglag.simulation.rig import Rig
 
@@ -42,6 +43,14 @@ def session(request: pytest.FixtureRequest) -> Session:
     begin_s = 60.0 + max(run.touch.t_s[-1] for run in circles.runs)
     strokes = [stroked(RIG, v, begin_s + 120.0 * k, request.param) for k, v in enumerate(PEAKS_MM_S)]
     return replace(circles, runs=(*circles.runs, *strokes))
+
+
+def test_what_a_steep_law_skips_at_the_turns_is_no_age_of_positions() -> None:
+    """The frames of this panel lie as evenly as the ticks of a loop would."""
+    steep = LatencyLaw(60.0, 0.004, 300.0, 0.03, 20.0)
+    rig = replace(RIG, law=steep, touch_rate_hz=360.0, scan_jitter_s=0.0, contact_loss_per_s=0.0, noise_mm=0.08)
+    touches = [stroked(rig, v, 0.0, 1).touch for v in (120.0, 160.0, 250.0, 450.0)]
+    assert hold(touches) is None
 
 
 def test_strokes_have_no_speed_of_their_own(session: Session) -> None:
