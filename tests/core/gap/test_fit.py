@@ -17,7 +17,7 @@ from draglag.exchange import read_exchange
 from draglag.gap import GapReport, close_gap
 from draglag.gap.constants import GIVEN_UP, GROWS_BY, PREDICTS_NATS, PROMISING
 from draglag.gap.fitting import heldout, joint
-from draglag.gap.fitting.heldout import gap_mm
+from draglag.gap.fitting.heldout import floor_mm, gap_mm
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
 from draglag.gap.fitting.likelihood import Downhill, cost_without_nuisances, downhill
 from draglag.gap.fitting.model import LawParameters
@@ -313,7 +313,8 @@ def test_a_lagging_law_is_refitted_unless_every_delay_is_far_less_likely(
 def test_what_misses_a_fast_run_by_more_is_no_better_whatever_it_predicts(
     plain: tuple[Session, Fit], monkeypatch: pytest.MonkeyPatch, ratio: float, no_worse: bool
 ) -> None:
-    """All other runs are missed by a third, and the fast run by so much that the RMS is this many times as before."""
+    """All other runs are missed by a third, and the fast run by so much that the RMS is this many times as before, or
+    as its noise floor was."""
     monkeypatch.setattr(heldout, "predictive_gain", lambda before, after: 100 * PREDICTS_NATS)
     before = plain[1]
     nominal_mm_s = np.array([data.run.nominal_speed_mm_s for data in before.runs])[before.run_index]
@@ -322,6 +323,17 @@ def test_what_misses_a_fast_run_by_more_is_no_better_whatever_it_predicts(
     def missed_by(times: float) -> Fit:
         return replace(before, residual_mm=before.residual_mm * np.where(fast, times, 0.3))
 
-    after = missed_by(brentq(lambda times: gap_mm(missed_by(times)) - ratio * gap_mm(before), 0.3, 10.0))
-    assert (gap_mm(after) < (1 + GROWS_BY) * gap_mm(before)) == no_worse
+    was_mm = max(gap_mm(before), floor_mm(before))
+    after = missed_by(brentq(lambda times: gap_mm(missed_by(times)) - ratio * was_mm, 0.3, 10.0))
+    assert (gap_mm(after) < (1 + GROWS_BY) * was_mm) == no_worse
     assert heldout.shrinks_or_predicts(before, after) == no_worse
+
+
+def test_what_one_run_alone_shows_is_predicted_as_widely_as_it_is_open(plain: tuple[Session, Fit]) -> None:
+    """A run 5 mm off disproves a model by hundreds of nats, but none in which it alone shows a size of 10 mm."""
+    fit = plain[1]
+    run = fit.run_index[np.flatnonzero(heldout.folds(fit) != heldout.IN_EVERY_FIT)[0]]
+    own = (fit.run_index == run).astype(float)
+    off = replace(fit, residual_mm=fit.residual_mm + 5.0 * own)
+    opened = replace(off, design=np.column_stack([off.design, own]), prior=np.append(off.prior, 10.0**-2))
+    assert heldout.predictive_gain(off, opened) > 100.0

@@ -190,6 +190,8 @@ def _without_lost(tick: IntArray, frame: float) -> list[IntArray]:
 
 def _beat_in(windows: Sequence[IntArray]) -> tuple[float, float]:
     frame = _apart(windows)
+    if frame == 0:
+        return -np.inf, frame  # stamps of whole seconds
     sizes = sorted({window.size for window in windows})
     alike = [np.array([window for window in windows if window.size == size]) for size in sizes]
     by_beat = float(np.max(sum(_of_beat(ticks, frame) for ticks in alike)))

@@ -52,6 +52,8 @@ def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
         # Where the motion turns, a latency that depends on direction jumps by itself.
         straight = np.abs(ahead[:, 1]) > 0.4
         along, across = along[straight], across[straight]
+        if along.size < FEWEST:
+            continue
         # 1 + 9 + 9 + 1: what third differences make of the variance of single events.
         both = np.array([_robust_variance(along), _robust_variance(across)]) / 20 / speed**2
         se_s2 = float(np.sqrt(SHAKY / along.size) * np.linalg.norm(both))
