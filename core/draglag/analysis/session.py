@@ -18,6 +18,7 @@ from draglag.latency.conduct import gives_point, recorded_again, why_excluded, w
 from draglag.latency.estimate import WINDOW_S, prepare
 from draglag.latency.estimators import estimator_of
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
+from draglag.latency.stamps import stamps_reach_s, with_stamps
 from draglag.latency.steady import changing_warnings, has_constant_speed
 from draglag.messages import message
 from draglag.provenance import Source, source_of
@@ -162,6 +163,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     session = with_stylus(session, options.stylus_mm)
     on_progress = progress or (lambda fraction, text: None)
     steady = [run for run in session.runs if has_constant_speed(run)]
+    reach_s = stamps_reach_s([run.touch.t_s for run in session.runs])
     estimates = []
     for k, run in enumerate(steady):
         on_progress(k / max(len(session.runs), 1), run.id)
@@ -173,7 +175,8 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
             options.update_rate_hz,
             options.window_s,
         )
-        estimates.append(with_conduct(with_systematics(found, correct=options.estimator != "paper"), run))
+        known = with_stamps(with_systematics(found, correct=options.estimator != "paper"), reach_s)
+        estimates.append(with_conduct(known, run))
     badly_run = why_excluded(session.runs, estimates, options.include)
     excluded = {**badly_run, **options.exclude}
     repeated = recorded_again(session.runs, estimates, badly_run)
@@ -185,7 +188,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     ]
     tap_bound_s = tap_uncertainty_s(session.taps, session.clocks)
     taps = summarise_taps(session.taps, tap_bound_s)
-    curve, trouble = _curve([e for e in estimates if e.id not in excluded], taps, options)
+    curve, trouble = _curve([e for e in estimates if e.id not in excluded], taps, options, reach_s)
     problems += trouble
     validation, trouble = _validate(session, curve, options, excluded, on_progress)
     problems += trouble
@@ -252,7 +255,7 @@ def curve_points(estimates: Sequence[RunEstimate]) -> CurvePoints:
 
 
 def _curve(
-    estimates: list[RunEstimate], taps: Mapping[str, TapSummary], options: AnalysisOptions
+    estimates: list[RunEstimate], taps: Mapping[str, TapSummary], options: AnalysisOptions, reach_s: float
 ) -> tuple[CurveFit | None, list[str]]:
     tied_s, tied_se_s = None, 0.0
     problems: list[str] = []
@@ -267,7 +270,7 @@ def _curve(
             curve = fit_best(points, tied_s, tied_se_s=tied_se_s)
         else:
             curve = fit_form(points, options.form, tied_s, tied_se_s)
-        return (curve if options.tie_asymptote else _with_common_shift(curve)), problems
+        return (curve if options.tie_asymptote else _with_common_shift(curve, reach_s)), problems
     except KeyError:
         raise EstimateError(
             message("unknown curve form {form}", form=repr(options.form)), "See draglag analyze --help"
@@ -276,10 +279,10 @@ def _curve(
         return None, [*problems, error.message]
 
 
-def _with_common_shift(curve: CurveFit) -> CurveFit:
+def _with_common_shift(curve: CurveFit, reach_s: float) -> CurveFit:
     """The curve with the delay uncertainty common to all runs in its asymptote."""
     covariance = curve.covariance.copy()
-    covariance[-1, -1] += (1e3 * common_delay_u_s()) ** 2
+    covariance[-1, -1] += 1e6 * (common_delay_u_s() ** 2 + reach_s**2 / 3)
     return replace(curve, covariance=covariance)
 
 

@@ -11,6 +11,7 @@ from draglag.curve import CurveFit, fit_best
 from draglag.errors import EstimateError
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.conduct import excluded_because, with_conduct
+from draglag.latency.stamps import stamps_reach_s, with_stamps
 from draglag.system.memory import release_freed_memory
 from draglag_app.session import events
 from draglag_app.windows.parts.tasks import Progress
@@ -80,7 +81,8 @@ class LiveEstimates(QObject):
             found = estimate_on_clock(
                 run, event.clocks, stylus_mm, options.estimator, options.update_rate_hz, options.window_s
             )
-            return with_conduct(with_systematics(found, correct=options.estimator != "paper"), run)
+            found = with_systematics(found, correct=options.estimator != "paper")
+            return with_conduct(with_stamps(found, stamps_reach_s([run.touch.t_s])), run)
 
         def done(estimate: RunEstimate) -> None:
             if not preliminary:
