@@ -46,7 +46,7 @@ def uneven_age_s(touches: list[TouchTrace], step_mm: float = 0.0) -> float:
         speed = float(np.median(length)) / (6 * frame_s)
         if speed < FAST_MM_S:
             continue
-        ahead = chord / length[:, None]
+        ahead = chord / np.maximum(length, 1e-9)[:, None]
         along = np.sum(third[whole] * ahead, axis=1)
         across = third[whole, 0] * ahead[:, 1] - third[whole, 1] * ahead[:, 0]
         # Where the motion turns, a latency that depends on direction jumps by itself.
