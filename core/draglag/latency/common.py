@@ -79,6 +79,8 @@ def common_flags(
         flags.append("missed_edges")
     if ready.run.touch.gaps_s.size or ready.run.laser.gaps_s.size:
         flags.append("device_gap")
+    if ready.n_strays:
+        flags.append("stray_touches")
     travel = _travel(ready)
     if travel is not None and travel < LITTLE_TRAVEL:
         flags.append("little_travel")

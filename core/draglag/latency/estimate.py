@@ -10,7 +10,7 @@ from draglag.errors import EstimateError
 from draglag.instruments.beam import Lines
 from draglag.latency.edges import Edges, clean_edges
 from draglag.messages import message
-from draglag.path.events import hold_at_rate, last_of_batches, sample_interval_s, usable
+from draglag.path.events import hold_at_rate, last_of_batches, sample_interval_s, without_strays
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.shown import brief
 
@@ -147,6 +147,7 @@ class Prepared:
     stamps: str
     dt_s: float
     stylus_diameter_mm: float
+    n_strays: int = 0
 
     @property
     def xy_mm(self) -> FloatArray:
@@ -155,7 +156,8 @@ class Prepared:
 
 def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = None) -> Prepared:
     """Usable events and clean edges of a run. Raises EstimateError with fewer than 20 events."""
-    touch, stamps = last_of_batches(usable(run.touch)), "kernel"
+    touch, n_strays = without_strays(run.touch)
+    touch, stamps = last_of_batches(touch), "kernel"
     if touch.t_s.size < 20:
         raise EstimateError(
             message("{run}: {n} touch events", run=run.id, n=touch.t_s.size),
@@ -173,4 +175,4 @@ def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = 
     else:
         fastest = 1000.0
     edges = clean_edges(run.laser, stylus_diameter_mm, fastest)
-    return Prepared(run, touch, edges, stamps, dt_s, stylus_diameter_mm)
+    return Prepared(run, touch, edges, stamps, dt_s, stylus_diameter_mm, n_strays)

@@ -13,6 +13,7 @@ MEANING = {
     "excess_scatter": "the edges scatter more than the touch noise explains",
     "missed_edges": "the sensor reported edges that it could not stamp",
     "device_gap": "a device was away or was read too late during the run: samples may be missing; close other programs",
+    "stray_touches": "touch events far off the path were left out: another contact, or a driver that reports zeros",
     "coarse_stamps": "touch stamps lie on a coarse grid, within which the latency is unknown: record finer ones",
     "aborted": "the run was aborted: it is not in the curve; record it again, or include it by hand",
     "device_lost": "a device was lost during the run: it is not in the curve; record it again, or include it by hand",

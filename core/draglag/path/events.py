@@ -10,8 +10,43 @@ from draglag.recording import FloatArray, TouchTrace
 AT_ONCE, LONG, BATCHED, FEWEST_INTERVALS = 0.25, 0.9, 0.25, 8
 
 
+# No hand goes there and back within two events at 10 m/s, or by less than noise; contacts in turn are no strays.
+STRAY_MM_S, STRAY_MM, MOST_STRAYS = 1e4, 5.0, 0.02
+
+
 def usable(touch: TouchTrace) -> TouchTrace:
-    """Finite events in order of time, the last of each stamp: digitisers repeat stamps and may step back."""
+    """Finite events in order of time, the last of each stamp, without strays: digitisers repeat stamps, may step back,
+    and report zeros."""
+    return without_strays(touch)[0]
+
+
+def without_strays(touch: TouchTrace) -> tuple[TouchTrace, int]:
+    """``usable`` events, and how many strays were left out."""
+    touch = in_order(touch)
+    off = strays(touch)
+    if not off.any():
+        return touch, 0
+    ids = touch.contact_id[~off] if touch.contact_id.size == off.size else touch.contact_id
+    kept = TouchTrace(touch.t_s[~off], touch.x_mm[~off], touch.y_mm[~off], ids, gaps_s=touch.gaps_s)
+    return kept, int(np.count_nonzero(off))
+
+
+def strays(touch: TouchTrace) -> np.ndarray:
+    """Which events (n,) in order of time lie far from both neighbours, which lie near each other."""
+    out = np.zeros(touch.t_s.size, bool)
+    if out.size < 3:
+        return out
+    way_mm, apart_s = np.hypot(np.diff(touch.x_mm), np.diff(touch.y_mm)), np.diff(touch.t_s)
+    far = way_mm > np.maximum(STRAY_MM_S * apart_s, STRAY_MM)
+    out[1:-1] = far[:-1] & far[1:]
+    if out.any():
+        over_mm = np.hypot(touch.x_mm[2:] - touch.x_mm[:-2], touch.y_mm[2:] - touch.y_mm[:-2])
+        out[1:-1] &= over_mm < 0.5 * np.minimum(way_mm[:-1], way_mm[1:])
+    return out if np.mean(out) <= MOST_STRAYS else np.zeros(out.size, bool)
+
+
+def in_order(touch: TouchTrace) -> TouchTrace:
+    """Finite events in order of time, the last of each stamp."""
     keep = np.isfinite(touch.t_s) & np.isfinite(touch.x_mm) & np.isfinite(touch.y_mm)
     order = np.flatnonzero(keep)[np.argsort(touch.t_s[keep], kind="stable")]
     if order.size:
