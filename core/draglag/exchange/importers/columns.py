@@ -26,6 +26,8 @@ CLOCKS = ("clock", "laser.clock")
 STREAMS = ("stream", "laser.stream")
 TOUCH_DEFAULTS = {"t": ("t_s", "s"), "x": ("x_mm", "mm"), "y": ("y_mm", "mm")}
 LASER_DEFAULTS = {"laser.t": ("t_s", "s"), "laser.light": ("light", "1")}
+CHANGES_ONLY = 0.8  # of the rows change the level: the table was written at changes, their stamps are the edges
+HOLE = 3.5  # usual intervals without a sample
 
 
 @dataclass(frozen=True)
@@ -129,10 +131,7 @@ def laser_of(
     """Edges from levels, or from a signal that crosses a threshold."""
     t_s = _checked_times(t * _TIME[time_unit], where, path)
     if light_unit[0] in "<>":
-        threshold = float(light_unit[1:])
-        level = (light > threshold if light_unit[0] == ">" else light < threshold).astype(np.int64)
-        keep = np.append(False, np.diff(level) != 0)[: len(level)]
-        return LaserTrace(t_s[keep], level[keep])
+        return _crossings(t_s, light, float(light_unit[1:]), above=light_unit[0] == ">")
     odd = np.flatnonzero(~np.isin(light, (0.0, 1.0)))
     if len(odd):
         raise DataError(
@@ -145,6 +144,25 @@ def laser_of(
         )
     level = light.astype(np.int64)
     return LaserTrace(t_s, level, missed=int((np.diff(level) == 0).sum()))
+
+
+def _crossings(t_s: FloatArray, light: FloatArray, threshold: float, above: bool) -> LaserTrace:
+    """Edges where a signal crosses the threshold: between two samples, as a straight line through both does."""
+    sampled = np.isfinite(light)
+    t_s, light = t_s[sampled], light[sampled]
+    level = (light > threshold if above else light < threshold).astype(np.int64)
+    after = np.flatnonzero(np.diff(level)) + 1
+    if len(after) > CHANGES_ONLY * (len(level) - 1):
+        return LaserTrace(t_s[after], level[after])
+    low, high = light[after - 1], light[after]
+    with np.errstate(all="ignore"):  # spans of the largest and the smallest numbers
+        part = np.clip(np.nan_to_num((threshold - low) / (high - low), nan=0.5), 0.0, 1.0)
+    dt_s = np.diff(t_s)
+    usual_s = np.median(dt_s[dt_s > 0]) if (dt_s > 0).any() else 0.0
+    between_s = dt_s[after - 1]
+    # A logger that leaves out what does not change: the signal stayed as it was until the sample that is due before.
+    between_s = np.where(between_s > HOLE * usual_s, usual_s, between_s)
+    return LaserTrace(t_s[after] - (1.0 - part) * between_s, level[after])
 
 
 def _checked_times(t_s: FloatArray, where: str, path: Path | None) -> FloatArray:
