@@ -66,8 +66,10 @@ def column_names(path: Path) -> tuple[str, ...]:
     return tuple(name.strip().strip('"') for name in _text(path).partition("\n")[0].split(","))
 
 
-def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """The named columns, (n, len(columns)), of another program's CSV; NaN for cells without a number.
+def read_events(path: Path, columns: Sequence[str], perhaps: Sequence[str] = ()) -> NDArray[np.float64]:
+    """The named columns, (n, columns and perhaps), of another program's CSV; NaN for cells without a number.
+
+    perhaps: further columns, NaN where the file has none of that name.
 
     Lines beginning with # are skipped. Separators: commas, tabs, or semicolons with decimal commas. Raises DataError.
     """
@@ -81,7 +83,8 @@ def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
             message("{path}: no column {column} in its first line", path=path, column=missing[0]),
             message("Head the columns {columns}", columns=",".join(columns)),
         )
-    wanted = [names.index(name) for name in columns]
+    there = [name for name in perhaps if name in names]
+    wanted = [names.index(name) for name in (*columns, *there)]
     rows = []
     for number, line in enumerate(lines[first + 1 :], first + 2):
         if not line.strip() or line.startswith("#"):
@@ -90,7 +93,10 @@ def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
         if len(cells) != len(names):
             raise _wrong_cells(path, number, names, len(cells))
         rows.append([_number(cells[place], comma=between == ";") for place in wanted])
-    return np.array(rows, float).reshape(-1, len(columns))
+    table = np.full((len(rows), len(columns) + len(perhaps)), np.nan)
+    places = [*range(len(columns)), *(len(columns) + perhaps.index(name) for name in there)]
+    table[:, places] = np.array(rows, float).reshape(-1, len(wanted))
+    return table
 
 
 def _wrong_cells(path: Path, line: int, names: Sequence[str], found: int) -> DataError:
