@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.exchange.streams import check_interval
 from draglag.exchange.tables import line_of_row, read_events
 from draglag.messages import message
 from draglag.reading.limits import CONTACT, TIME_S
@@ -86,6 +87,8 @@ def touch_of(
 ) -> TouchTrace:  # fmt: skip
     """A trace from columns in their units."""
     t_s = _checked_times(by_key["t"] * _TIME[units["t"]], where, path)
+    if path is not None:  # a table: stamps of XDF are seconds
+        check_interval(t_s, where, "Give the unit of the time, as in --map t=COLUMN:ms")
     factors = {axis: _per_mm(axis, units[axis], where, screen, units_per_mm) for axis in ("x", "y")}
     mapping = Mapping2D(factors["x"], 0.0, 0.0, 0.0, factors["y"], 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
