@@ -66,7 +66,7 @@ def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = 
     """Edges, and corrections made; unless ``as_recorded``, a repeated level is a missing edge. Raises DataError."""
     if path is None:
         return empty_laser(), [message("there is no laser file")]
-    table = read_table(path, ("t_s", "light"))
+    table = read_table(path, ("t_s", "light"), switches=("light",))
     odd = np.flatnonzero(~np.isin(table[:, 1], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     table, names = _with_more(path, table, more, LASER_MORE)
     rows, notes = _finite(path, table, 2)
@@ -102,7 +102,7 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
         raise DataError(
             message("{path}: there is no such file", path=path), "Set taps to null in session.json if there are none"
         )
-    table = read_table(path, ("physical_s", "registered_s", "down"))
+    table = read_table(path, ("physical_s", "registered_s", "down"), switches=("down",))
     rows, notes = _finite(path, table)
     odd = np.flatnonzero(~np.isin(table[:, 2], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     if len(odd):

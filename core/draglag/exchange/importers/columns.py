@@ -124,7 +124,7 @@ def touch_of(
 def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
     """Edges of a table."""
     found = how.names(("laser.t", "laser.light"), LASER_DEFAULTS)
-    rows = read_events(path, [name for name, _ in found.values()])
+    rows = read_events(path, [name for name, _ in found.values()], switches=(found["laser.light"][0],))
     return laser_of(rows[:, 0], rows[:, 1], found["laser.t"][1], found["laser.light"][1], str(path), path)
 
 
