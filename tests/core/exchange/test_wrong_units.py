@@ -14,10 +14,10 @@ from draglag.errors import DataError
 from draglag.exchange import read_exchange
 from draglag.exchange.importers import HowToRead, parse_map, read_recordings
 from draglag.exchange.tables import write_table
-from draglag.recording import Run, Screen, Session
+from draglag.reading.off_screen import off_screen
+from draglag.recording import Run, Session
 
 SAMPLE = Path(__file__).parents[2] / "data" / "exchange" / "none-A"
-SCREEN = Screen("s", 300.0, 200.0, 1920, 1080)
 
 
 @pytest.fixture(scope="module")
@@ -82,3 +82,36 @@ def test_a_session_file_of_such_times_has_no_latency(circle: Session) -> None:
     (found,) = analyze(replace(circle, runs=(replace(run, touch=touch, laser=laser),))).runs
     assert found.latency_s is None
     assert "no_touch" in found.flags
+
+
+def wide(session: Session, times: float) -> Session:
+    """The session with its positions across multiplied."""
+    (run,) = session.runs
+    return replace(session, runs=(replace(run, touch=replace(run.touch, x_mm=times * run.touch.x_mm)),))
+
+
+def test_touches_off_the_screen_are_pointed_out_in_one_sentence(circle: Session, tmp_path: Path) -> None:
+    far = wide(circle, 3.0)
+    touch, screen = far.runs[0].touch, far.screen
+    reach = f"from {touch.x_mm.min():.4g} to {touch.x_mm.max():.4g} mm across and {touch.y_mm.min():.4g} to "
+    reach += f"{touch.y_mm.max():.4g} mm down, on a screen that is stated to be {screen.width_mm:.4g} × "
+    said = f"{reach}{screen.height_mm:.4g} mm: a size or the positions are in a wrong unit, or the calibration is "
+    said += "another screen's."
+    own = f"The touches of {far.runs[0].id} reach {said}"
+    assert [text for text in analyze(far).warnings if "touches" in text] == [own]
+    folder = read_exchange(folder_of(tmp_path / "folder", far, 1.0))
+    assert [note.text for note in folder.notes if "touches" in note.text] == [f"The touches of a reach {said}"]
+    touch_table(tmp_path / "a.csv", far.runs[0], 1.0)
+    table = read_recordings((tmp_path / "a.csv",), HowToRead(screen=screen))
+    assert [note.text for note in table.notes if "touches" in note.text] == [f"The touches of a reach {said}"]
+
+
+@pytest.mark.parametrize(("share", "beyond", "said"), [(0.02, 0.06, 1), (0.02, 0.04, 0), (0.009, 9.0, 0)])
+def test_a_few_touches_or_a_little_off_the_screen_are_nothing_to_say(
+    circle: Session, share: float, beyond: float, said: int
+) -> None:
+    (run,) = circle.runs
+    x_mm = run.touch.x_mm.copy()
+    assert x_mm.max() < circle.screen.width_mm
+    x_mm[: round(share * x_mm.size)] = (1 + beyond) * circle.screen.width_mm
+    assert len(off_screen(circle.screen, (replace(run, touch=replace(run.touch, x_mm=x_mm)),))) == said
