@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from operator import index
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -14,8 +16,11 @@ from draglag.analysis import analyze as analyze_session
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
-from draglag.messages import joined, message
-from draglag.recording import Session
+from draglag.messages import Message, joined, message
+from draglag.reading.limits import WHOLE_MOST
+from draglag.recording import FloatArray, Session
+
+LONGEST_S = 5.0  # more is no drag latency: ms were given
 
 if TYPE_CHECKING:
     from draglag.curve.compare import CurveDifference
@@ -33,7 +38,7 @@ def read(path: str | Path) -> Session:
     >>> len(session.runs), session.screen.name
     (15, 'A 23in')
     """
-    path = Path(path)
+    path = _path(path)
     if path.is_dir() or path.name == "session.json":
         from draglag.exchange import read_exchange
 
@@ -52,7 +57,7 @@ def write(session: Session, path: str | Path) -> Path:
     """
     from draglag.store import write_session
 
-    return write_session(session, path)
+    return write_session(_session(session), _path(path))
 
 
 def analyze(
@@ -77,7 +82,7 @@ def analyze(
         exclude: run id → reason. include: ids of runs to keep although they went wrong, or "all".
         stylus_mm: diameter of the stylus, where the session was recorded with a wrong one.
 
-    Runs without a latency carry flags. Raises EstimateError for an unknown name.
+    Runs without a latency carry flags. Raises EstimateError for an unknown name, DataError for what is no session.
 
     >>> import draglag as dl
     >>> analysis = dl.analyze(dl.read("session.h5"))
@@ -91,10 +96,13 @@ def analyze(
     >>> axes.get_xlabel()
     'drag speed, mm/s'
     """
+    if not isinstance(exclude, Mapping | None):
+        raise DataError("exclude names runs without a reason", 'Give one for each, as in exclude={"run-01": "slipped"}')
+    kept = frozenset([include] if isinstance(include, str) else include)
     options = AnalysisOptions(
-        estimator, update_rate_hz, window_s, form, tie_asymptote, dict(exclude or {}), frozenset(include), stylus_mm
+        estimator, update_rate_hz, window_s, form, tie_asymptote, dict(exclude or {}), kept, stylus_mm
     )
-    return analyze_session(session, options)
+    return analyze_session(_session(session), options)
 
 
 def find_gap(
@@ -110,7 +118,7 @@ def find_gap(
         max_effects: effects to add at most; None: as many as ``draglag gap`` adds.
         without: ids of effects not to name. include: ids of runs to keep although they went wrong.
 
-    With too few data there is no verdict, and ``missing`` says why.
+    With too few data there is no verdict, and ``missing`` says why. Raises DataError for what is no session.
 
     >>> import draglag as dl
     >>> report = dl.find_gap(dl.read("session.h5"))
@@ -123,7 +131,7 @@ def find_gap(
 
     known_effects(without)
     most = MOST_EFFECTS if max_effects is None else max_effects
-    return close_gap(session, most, [e for e in EFFECTS if e not in without], None, include)
+    return close_gap(_session(session), most, [e for e in EFFECTS if e not in without], None, include)
 
 
 def simulate(
@@ -139,18 +147,20 @@ def simulate(
         screen, protocol: presets (``screen_names``, ``protocol_names``) or TOML files.
         effects: id → size (``draglag simulate --help``), or effects of your own.
 
-    Raises DataError for unknown names.
+    Raises DataError for unknown names, sizes that are no numbers, and a seed that is no whole number from 0 on.
 
     >>> import draglag as dl
     >>> dl.simulate("screen-1", seed=3).runs[0].protocol
     'circle'
     """
     from draglag.simulation.chain import simulate_session
-    from draglag.simulation.effects import parse_effects
+    from draglag.simulation.effects import Effect, parse_effects
 
     if isinstance(effects, Mapping):
-        effects = parse_effects(f"{name}={float(value)!r}" for name, value in effects.items())
-    return simulate_session(screen, protocol, effects=effects, seed=seed)
+        effects = parse_effects(f"{name}={_size(name, value)!r}" for name, value in effects.items())
+    elif isinstance(effects, str) or not all(isinstance(effect, Effect) for effect in effects):
+        raise DataError("effects have no size", 'Give one for each, as in effects={"clock_drift": 30}')
+    return simulate_session(screen, protocol, effects=effects, seed=_seed(seed))
 
 
 def screen_names() -> list[str]:
@@ -186,8 +196,9 @@ def fit_curve(
 ) -> CurveFit:
     """The curve of latency against speed through given points, (n,) each.
 
-    ``form``: "best" or a name of ``draglag.curve.FORMS``. Raises DataError for arrays of different length,
-    EstimateError with too few speeds or an unknown form.
+    ``form``: "best" or a name of ``draglag.curve.FORMS``. Raises DataError for arrays of different length, speeds and
+    standard errors that are not above 0, and latencies that are no numbers or above 5 s; EstimateError with too few
+    speeds or an unknown form.
 
     >>> import draglag as dl
     >>> speed = [40, 80, 150, 250, 400, 600, 800, 1000]
@@ -198,22 +209,19 @@ def fit_curve(
     """
     from draglag.curve import FORMS
 
-    speed, latency = (np.atleast_1d(np.asarray(values, float)) for values in (speed_mm_s, latency_s))
-    if speed.shape != latency.shape or speed.ndim != 1:
-        raise DataError("speeds and latencies differ in number", "Give one latency for each speed")
+    points = _points(speed_mm_s, latency_s, se_s)
     if form != "best" and form not in FORMS:
         raise EstimateError(
             message("unknown curve form {form}", form=repr(form)),
             message("Use best or one of {forms}", forms=", ".join(FORMS)),
         )
-    points = CurvePoints(speed, latency, np.broadcast_to(np.asarray(se_s, float), speed.shape).copy())
     return fit_best(points) if form == "best" else fit_form(points, form)
 
 
 def compare(first: Analysis | CurveFit, second: Analysis | CurveFit) -> CurveDifference:
     """Second curve less first, at speeds covered by both.
 
-    Raises EstimateError if an analysis has no curve or they share no speeds.
+    Raises EstimateError if an analysis has no curve or they share no speeds, DataError for anything else.
 
     >>> import draglag as dl
     >>> analysis = dl.analyze(dl.read("session.h5"))
@@ -228,14 +236,6 @@ def compare(first: Analysis | CurveFit, second: Analysis | CurveFit) -> CurveDif
     return difference
 
 
-def _curve(of: Analysis | CurveFit) -> CurveFit:
-    if isinstance(of, CurveFit):
-        return of
-    if of.curve is None:
-        raise EstimateError(message("{session}: there is no curve", session=of.session), joined("; ", of.problems))
-    return of.curve
-
-
 def compensate(
     t_s: ArrayLike,
     x_mm: ArrayLike,
@@ -244,7 +244,7 @@ def compensate(
 ) -> Compensated:
     """Where the stylus was, given recorded touch events (n,).
 
-    Raises DataError with fewer than eight usable events.
+    Raises DataError with fewer than eight usable events, and for what is no law.
 
     >>> import draglag as dl
     >>> session = dl.read("session.h5")
@@ -257,7 +257,7 @@ def compensate(
     from draglag.model.file import LatencyModel, model_of
 
     model = law if isinstance(law, LatencyModel) else model_of(_curve(law))
-    t, x, y = (np.asarray(values, float) for values in (t_s, x_mm, y_mm))
+    t, x, y = (_numbers(values) for values in (t_s, x_mm, y_mm))
     return compensate_events(t, x, y, model.latency_s, model.speed_range_mm_s)
 
 
@@ -280,7 +280,7 @@ def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "n
         raise DataError(
             message("unknown format {to}", to=repr(to)), message("Use one of {formats}", formats=", ".join(writers))
         )
-    writers[to](session, Path(path))
+    writers[to](_session(session), _path(path))
     return Path(path)
 
 
@@ -296,4 +296,81 @@ def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Pa
     from draglag.system.packages import need
 
     need("matplotlib")
-    return write(session, analysis, folder)
+    if not isinstance(analysis, Analysis):
+        raise _other(message("an analysis"), analysis, message("Analyse the session first: dl.analyze(session)"))
+    return write(_session(session), analysis, _path(folder))
+
+
+def _other(wanted: Message, found: object, remedy: Message) -> DataError:
+    return DataError(message("expected {wanted}, found {found}", wanted=wanted, found=type(found).__name__), remedy)
+
+
+def _session(given: object) -> Session:
+    if not isinstance(given, Session):
+        raise _other(message("a session"), given, message("Read it first: dl.read(path)"))
+    return given
+
+
+def _path(given: object) -> Path:
+    if not isinstance(given, str | PathLike):
+        raise _other(message("the path of a file"), given, message("Give it as a text"))
+    return Path(given)
+
+
+def _curve(of: object) -> CurveFit:
+    if isinstance(of, CurveFit):
+        return of
+    if isinstance(of, Session):
+        raise _other(message("an analysis or a curve"), of, message("Analyse it first: dl.analyze(session)"))
+    if not isinstance(of, Analysis):
+        remedy = message("Read it first: dl.analyze(dl.read(path)), or dl.load_model(path) for dl.compensate")
+        raise _other(message("an analysis or a curve"), of, remedy)
+    if of.curve is None:
+        raise EstimateError(message("{session}: there is no curve", session=of.session), joined("; ", of.problems))
+    return of.curve
+
+
+def _numbers(given: ArrayLike) -> FloatArray:
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError):
+        raise _other(message("numbers"), given, message("Give an array of numbers")) from None
+
+
+def _points(speed_mm_s: ArrayLike, latency_s: ArrayLike, se_s: ArrayLike) -> CurvePoints:
+    speed, latency = (np.atleast_1d(_numbers(values)) for values in (speed_mm_s, latency_s))
+    se = _numbers(se_s)
+    if speed.shape != latency.shape or speed.ndim != 1 or se.shape not in ((), (1,), speed.shape):
+        raise DataError("speeds, latencies and their errors differ in number", "Give one latency for each speed")
+    for name, values, sound, wanted in (
+        ("speed_mm_s", speed, (speed > 0) & np.isfinite(speed), message("above 0 mm/s")),
+        ("latency_s", latency, np.abs(latency) <= LONGEST_S, message("in seconds, {most:g} at most", most=LONGEST_S)),
+        ("se_s", np.atleast_1d(se), np.atleast_1d((se > 0) & np.isfinite(se)), message("above 0 s")),
+    ):
+        if not sound.all():
+            found = float(values[~sound][0])
+            raise DataError(
+                message("{name} holds {found:g}", name=name, found=found),
+                message("Give numbers {wanted}", wanted=wanted),
+            )
+    return CurvePoints(speed, latency, np.broadcast_to(se, speed.shape).copy())
+
+
+def _size(effect: str, value: object) -> float:
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise DataError(
+            message("effect {effect}: {value} is not a number", effect=effect, value=repr(value)),
+            "Give its size as a number",
+        ) from None
+
+
+def _seed(given: object) -> int:
+    try:
+        seed = index(given)  # type: ignore[arg-type]
+    except TypeError:
+        seed = -1
+    if not 0 <= seed <= WHOLE_MOST:
+        raise DataError(message("{seed} is no seed", seed=repr(given)), "Give a whole number from 0 on")
+    return seed

@@ -17,6 +17,8 @@ from draglag.system.temporary import new_file
 from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
 
 if TYPE_CHECKING:
+    from draglag.gap.correction import Correction
+    from draglag.model.compensation import Compensated
     from draglag.model.file import LatencyModel
 
 
@@ -39,9 +41,10 @@ def compensate(
     figure: Path | None,
     as_json: bool,
 ) -> None:
-    """Take the drag latency out of recorded touch events. IN.csv has the columns t_s, x_mm, y_mm; OUT.csv repeats
-    them and adds when the stylus was where the event shows it (stylus_t_s, latency_ms), where it was at t_s itself
-    (x_stylus_mm, y_stylus_mm), its speed, and whether that speed lies outside the model's range.
+    """Take the drag latency out of recorded touch events. IN.csv has the columns t_s, x_mm, y_mm, and perhaps
+    contact_id, whose contacts are taken one by one. OUT.csv repeats the three and adds when the stylus was where the
+    event shows it (stylus_t_s, latency_ms), where it was at t_s itself (x_stylus_mm, y_stylus_mm), its speed, and
+    whether that speed lies outside the model's range.
 
     \b
     Examples:
@@ -79,16 +82,10 @@ def compensate(
 
 
 def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool) -> dict[str, Any]:
-    from draglag.gap.correction import corrected_touch
-    from draglag.model.compensation import compensate as apply
-
     refuse_existing(out)
-    t_s, x_mm, y_mm = _read(source)
-    undone_s, undone_x, undone_y, correction = corrected_touch(t_s, x_mm, y_mm, model)
+    t_s, x_mm, y_mm, contact = _read(source)
     try:
-        done = apply(
-            undone_s, undone_x, undone_y, lambda v: model.latency_s(v, extrapolate=extrapolate), model.speed_range_mm_s
-        )
+        done, correction = _of_contacts(t_s, x_mm, y_mm, contact, model, extrapolate)
     except DataError as error:
         raise DataError(message("{source}: {problem}", source=source, problem=error.problem), error.remedy) from error
     columns = {
@@ -119,17 +116,46 @@ def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool
     }
 
 
-def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _of_contacts(
+    t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, contact: FloatArray, model: LatencyModel, extrapolate: bool
+) -> tuple[Compensated, Correction]:
+    """Each contact by itself; NaN for those too short. Raises DataError where all are."""
+    from draglag.gap.correction import corrected_touch
+    from draglag.gap.correction import merged as all_corrections
+    from draglag.model.compensation import compensate as apply
+    from draglag.model.compensation import merged
+
+    def law(v: FloatArray) -> FloatArray:
+        return model.latency_s(v, extrapolate=extrapolate)
+
+    parts: list[tuple[np.ndarray, Compensated]] = []
+    corrections: list[Correction] = []
+    trouble: DataError | None = None
+    order = np.argsort(contact, kind="stable")
+    for which in np.split(order, np.flatnonzero(np.diff(contact[order])) + 1):
+        t, x, y, correction = corrected_touch(t_s[which], x_mm[which], y_mm[which], model)
+        try:
+            parts.append((which, apply(t, x, y, law, model.speed_range_mm_s)))
+            corrections.append(correction)
+        except DataError as error:
+            trouble = trouble or error
+    if trouble is not None and not parts:
+        raise trouble
+    return merged(t_s, parts), all_corrections(corrections)
+
+
+def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Times, positions, and the numbers of the contacts: -1 where there is none."""
     from draglag.exchange.tables import read_events
 
-    rows = read_events(path, ("t_s", "x_mm", "y_mm"))
+    rows = read_events(path, ("t_s", "x_mm", "y_mm"), perhaps=("contact_id",))
     if not len(rows):
         raise DataError(message("{path}: holds no events", path=path), "Give one row t_s,x_mm,y_mm for each event")
     if np.nanmax(np.abs(rows[:, 0]), initial=0.0, where=np.isfinite(rows[:, 0])) > TIME_S:
         raise DataError(
             message("{path}: t_s holds times that cannot be seconds", path=path), "Give the times in seconds"
         )
-    return rows[:, 0], rows[:, 1], rows[:, 2]
+    return rows[:, 0], rows[:, 1], rows[:, 2], np.where(np.isnan(rows[:, 3]), -1.0, rows[:, 3])
 
 
 def _words(result: dict[str, Any], out: Path | None) -> list[str]:

@@ -22,6 +22,7 @@ from draglag.latency.stamps import stamps_reach_s, with_stamps
 from draglag.latency.steady import changing_warnings, has_constant_speed
 from draglag.messages import message
 from draglag.provenance import Source, source_of
+from draglag.reading.off_screen import off_screen
 from draglag.recording import Run, Session
 from draglag.shown import table_html
 from draglag.system.blas import one_blas_thread
@@ -194,7 +195,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     problems += trouble
     width = width_check(estimates, session.stylus.diameter_mm)
     warnings = [*warnings_of(session, standing, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
-    warnings += changing_warnings(session.runs)
+    warnings += [*changing_warnings(session.runs), *off_screen(session.screen, session.runs)]
     warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
     on_progress(1.0, "done")
     return Analysis(

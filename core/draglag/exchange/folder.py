@@ -28,6 +28,7 @@ from draglag.exchange.streams import read_laser, read_taps, read_touch
 from draglag.exchange.tables import write_table
 from draglag.messages import message
 from draglag.reading.limits import HEADER_BYTES
+from draglag.reading.off_screen import off_screen
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
 from draglag.store.analysis import StoredAnalysis
 from draglag.store.schema import check_run_id
@@ -62,15 +63,17 @@ def read_exchange(folder: Path | str) -> Session:
             "Expected <id>.touch.csv and <id>.laser.csv (or .csv.gz) for every run in session.json",
         )
     taps, said = _taps(folder, header)
+    panel = header.screen
+    screen = Screen(panel.name, panel.width_mm, panel.height_mm, panel.width_px, panel.height_px)
+    said += off_screen(screen, runs)
     notes = list(entries(header.notes))
     imported = [entry for run in runs for entry in run.log if entry.source == "import"]
     imported += [LogEntry(0.0, "warning", "import", text) for text in said]
     known = set(notes)
     notes += [entry for entry in imported if entry not in known]
-    screen = header.screen
     return Session(
         name=header.name or folder.resolve().name,
-        screen=Screen(screen.name, screen.width_mm, screen.height_mm, screen.width_px, screen.height_px),
+        screen=screen,
         stylus=Stylus(header.stylus_diameter_mm, header.stylus_name),
         runs=tuple(runs),
         taps=taps,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from draglag.errors import DataError
 from draglag.exchange.tables import column_names, line_of_row, read_table
 from draglag.messages import message
-from draglag.reading.limits import TIME_S
+from draglag.reading.limits import EVENT_S, TIME_S
 from draglag.recording import DisplayTrace, LaserTrace, Taps, TouchTrace, empty_laser, empty_touch
 
 Floats = NDArray[np.float64]
@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 
 TOUCH_MORE = ("contact_id", "x_raw", "y_raw", "device_t_s")
 LASER_MORE = ("device_t_s", "epoch")
+FEWEST_EVENTS = 8  # from which their usual interval is known
 
 
 def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[TouchTrace, list[str]]:
@@ -44,14 +45,28 @@ def read_touch(path: Path | None, more: Path | None = None, as_recorded: bool = 
             message("{path}: holds no touch events", path=path.name),
         ]
     t_s, x_mm, y_mm = (np.ascontiguousarray(column) for column in rows.T[:3])
+    check_interval(t_s, str(path), "Give all times in seconds")
     return TouchTrace(t_s, x_mm, y_mm, **_further(more, names, rows[:, 3:])), notes
+
+
+def check_interval(t_s: Floats, where: str, remedy: str) -> None:
+    """Raises DataError where the events of a run, in order of time, come as seldom as no touchscreen sends them."""
+    apart_s = np.diff(t_s)
+    apart_s = apart_s[apart_s > 0]
+    if len(t_s) >= FEWEST_EVENTS and len(apart_s) and (usual_s := float(np.median(apart_s))) > EVENT_S:
+        problem = message(
+            "{where}: the events of a run come one every {usual_s:.3g} s on the median, as from no touchscreen",
+            where=where,
+            usual_s=usual_s,
+        )
+        raise DataError(problem, remedy)
 
 
 def read_laser(path: Path | None, more: Path | None = None, as_recorded: bool = False) -> tuple[LaserTrace, list[str]]:
     """Edges, and corrections made; unless ``as_recorded``, a repeated level is a missing edge. Raises DataError."""
     if path is None:
         return empty_laser(), [message("there is no laser file")]
-    table = read_table(path, ("t_s", "light"))
+    table = read_table(path, ("t_s", "light"), switches=("light",))
     odd = np.flatnonzero(~np.isin(table[:, 1], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     table, names = _with_more(path, table, more, LASER_MORE)
     rows, notes = _finite(path, table, 2)
@@ -87,7 +102,7 @@ def read_taps(path: Path) -> tuple[Taps, list[str]]:
         raise DataError(
             message("{path}: there is no such file", path=path), "Set taps to null in session.json if there are none"
         )
-    table = read_table(path, ("physical_s", "registered_s", "down"))
+    table = read_table(path, ("physical_s", "registered_s", "down"), switches=("down",))
     rows, notes = _finite(path, table)
     odd = np.flatnonzero(~np.isin(table[:, 2], (0.0, 1.0)) & np.isfinite(table).all(axis=1))
     if len(odd):

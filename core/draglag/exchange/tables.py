@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import csv
 import gzip
 import io
-from collections.abc import Iterable, Mapping, Sequence
+import math
+import re
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, Any, NoReturn
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +20,10 @@ from draglag.errors import DataError
 from draglag.messages import message
 from draglag.reading.files import decoded, plain_lines
 from draglag.store.stored import blocks
+
+MISSING = ("", "na", "nan", "+nan", "-nan")  # what other programs write for a missing number, in small letters
+SWITCHED = {"true": 1.0, "false": 0.0}
+_QUOTED = re.compile('"[^"]*"')
 
 
 def find_table(folder: Path, stem: str) -> Path | None:
@@ -29,13 +37,16 @@ def find_table(folder: Path, stem: str) -> Path | None:
     return found[0] if found else None
 
 
-def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """The named columns, (n, len(columns)), of a CSV file. Raises DataError naming file and line."""
+def read_table(path: Path, columns: Sequence[str], switches: Sequence[str] = ()) -> NDArray[np.float64]:
+    """The named columns, (n, len(columns)), of a CSV file; NaN for cells that are empty, ``NA`` or ``NaN``.
+
+    switches: those of the columns in which ``True`` and ``False`` are 1 and 0. Raises DataError naming file and line.
+    """
     text = _text(path)
     if not text.strip():
         return np.empty((0, len(columns)))
     head, _, body = text.partition("\n")
-    names = [name.strip().strip('"') for name in head.split(",")]
+    names = _names(head, ",")
     expected = ",".join(columns)
     missing = [name for name in columns if name not in names]
     if missing:
@@ -54,43 +65,140 @@ def read_table(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
     try:
         values = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None)
     except ValueError:
-        _refuse(path, body, names)
+        return _by_cell(path, text, names, columns, switches)
     if values.shape[1] != len(names):
-        _refuse(path, body, names)
+        return _by_cell(path, text, names, columns, switches)
     table: NDArray[np.float64] = values[:, wanted]
     return table
 
 
+def _by_cell(
+    path: Path, text: str, names: Sequence[str], columns: Sequence[str], switches: Sequence[str]
+) -> NDArray[np.float64]:
+    """As ``read_table``, of cells that may be missing, in quotes, or of text in columns that are not asked for."""
+    wanted = [(name, names.index(name)) for name in columns]
+    values = array("d")
+    rows = _rows(path, _filled(text), ",", '"' in text)
+    next(rows)
+    for number, cells in rows:
+        if len(cells) != len(names):
+            raise DataError(
+                message(
+                    "{path}, line {line}: expected {wanted} numbers ({names}), found {found}",
+                    path=path,
+                    line=number,
+                    wanted=len(names),
+                    names=",".join(names),
+                    found=len(cells),
+                ),
+                "Correct or remove that line",
+            )
+        for name, place in wanted:
+            value = _number(cells[place], switch=name in switches)
+            if math.isnan(value) and _bare(cells[place]).lower() not in MISSING:
+                raise DataError(
+                    message(
+                        "{path}, line {line}: expected a number for {name}, found “{text}”",
+                        path=path,
+                        line=number,
+                        name=name,
+                        text=cells[place].strip()[:40],
+                    ),
+                    "Correct or remove that line",
+                )
+            values.append(value)
+    return np.array(values).reshape(-1, len(columns))
+
+
 def column_names(path: Path) -> tuple[str, ...]:
     """Names in the first line."""
-    return tuple(name.strip().strip('"') for name in _text(path).partition("\n")[0].split(","))
+    return tuple(_names(_text(path).partition("\n")[0], ","))
 
 
-def read_events(path: Path, columns: Sequence[str]) -> NDArray[np.float64]:
-    """The named columns, (n, len(columns)), of another program's CSV; NaN for cells without a number.
+def read_events(
+    path: Path, columns: Sequence[str], perhaps: Sequence[str] = (), switches: Sequence[str] = ()
+) -> NDArray[np.float64]:
+    """The named columns, (n, columns and perhaps), of another program's CSV; NaN for cells without a number.
+
+    perhaps: further columns, NaN where the file has none of that name. switches: as for ``read_table``.
 
     Lines beginning with # are skipped. Separators: commas, tabs, or semicolons with decimal commas. Raises DataError.
     """
-    lines = _text(path).split("\n")
-    first = next((k for k, line in enumerate(lines) if line.strip() and not line.startswith("#")), 0)
-    between = next((mark for mark in (";", "\t", ",") if mark in lines[first]), ",")
-    names = [name.strip().strip('"') for name in lines[first].split(between)]
+    text = _text(path)
+    between = _separator(text)
+    rows = _rows(path, _filled(text, notes=True), between, '"' in text)
+    _, head = next(rows, (1, [""]))
+    names = [_bare(name) for name in head]
     missing = [name for name in columns if name not in names]
     if missing:
         raise DataError(
             message("{path}: no column {column} in its first line", path=path, column=missing[0]),
             message("Head the columns {columns}", columns=",".join(columns)),
         )
-    wanted = [names.index(name) for name in columns]
-    rows = []
-    for number, line in enumerate(lines[first + 1 :], first + 2):
-        if not line.strip() or line.startswith("#"):
-            continue
-        cells = line.split(between)
+    there = [name for name in perhaps if name in names]
+    wanted = [(names.index(name), name in switches) for name in (*columns, *there)]
+    values = array("d")
+    for number, cells in rows:
         if len(cells) != len(names):
             raise _wrong_cells(path, number, names, len(cells))
-        rows.append([_number(cells[place], comma=between == ";") for place in wanted])
-    return np.array(rows, float).reshape(-1, len(columns))
+        values.extend(_number(cells[place], comma=between == ";", switch=switch) for place, switch in wanted)
+    read = np.array(values).reshape(-1, len(wanted))
+    table = np.full((len(read), len(columns) + len(perhaps)), np.nan)
+    table[:, [*range(len(columns)), *(len(columns) + perhaps.index(name) for name in there)]] = read
+    return table
+
+
+def _filled(text: str, notes: bool = False) -> Iterator[tuple[int, str]]:
+    """(number from 1, line) of lines that are not blank; with ``notes``, nor begin with #."""
+    for number, line in enumerate(_lines(text), 1):
+        if line.strip() and not (notes and line.startswith("#")):
+            yield number, line
+
+
+def _lines(text: str) -> Iterator[str]:
+    """One by one: a list of all takes several times the memory of the text."""
+    start = 0
+    while (end := text.find("\n", start)) >= 0:
+        yield text[start:end]
+        start = end + 1
+    yield text[start:]
+
+
+def _rows(path: Path, lines: Iterable[tuple[int, str]], between: str, quoted: bool) -> Iterator[tuple[int, list[str]]]:
+    """(number of its first line, cells) of each row; those in quotes may hold separators and line ends."""
+    if not quoted:
+        for number, line in lines:
+            yield number, line.split(between)
+        return
+    taken: list[int] = []
+
+    def given() -> Iterator[str]:
+        for number, line in lines:
+            taken.append(number)
+            yield line + "\n"
+
+    try:
+        for cells in csv.reader(given(), delimiter=between, skipinitialspace=True):
+            yield taken[0], cells
+            taken.clear()
+    except csv.Error as error:
+        raise DataError(
+            message("{path}, line {line}: its quotes do not end", path=path, line=taken[0]), "Correct that line"
+        ) from error
+
+
+def _separator(text: str) -> str:
+    """What stands between the cells of the first line that is no note."""
+    head = _QUOTED.sub("", next((line for _, line in _filled(text, notes=True)), ""))
+    return next((mark for mark in (";", "\t", ",") if mark in head), ",")
+
+
+def _names(head: str, between: str) -> list[str]:
+    return [_bare(name) for name in next(csv.reader([head], delimiter=between, skipinitialspace=True), [""])]
+
+
+def _bare(cell: str) -> str:
+    return cell.strip().strip('"').strip()
 
 
 def _wrong_cells(path: Path, line: int, names: Sequence[str], found: int) -> DataError:
@@ -107,19 +215,20 @@ def _wrong_cells(path: Path, line: int, names: Sequence[str], found: int) -> Dat
     )
 
 
-def _number(cell: str, comma: bool) -> float:
-    text = cell.strip().strip('"')
+def _number(cell: str, comma: bool = False, switch: bool = False) -> float:
+    text = _bare(cell)
     try:
         return float(text.replace(",", ".") if comma else text)
     except ValueError:
-        return float("nan")
+        return SWITCHED.get(text.lower(), math.nan) if switch else math.nan
 
 
 def line_of_row(path: Path, row: int, notes: bool = False) -> int:
     """Line (from 1) of a row of ``read_table``; with ``notes``, of ``read_events``."""
-    lines = enumerate(_text(path).split("\n"), 1)
-    filled = [number for number, line in lines if line.strip() and not (notes and line.startswith("#"))]
-    return filled[row + 1]
+    text = _text(path)
+    between = _separator(text) if notes else ","
+    first = [number for number, _ in _rows(path, _filled(text, notes), between, '"' in text)]
+    return first[row + 1]
 
 
 Cells = NDArray[Any] | list[str] | str
@@ -161,40 +270,3 @@ def _cells(values: Cells, rows: slice, count: int, unknown: str) -> list[str]:
 
 def _text(path: Path) -> str:
     return decoded(path, plain_lines(path))
-
-
-def _refuse(path: Path, body: str, names: Sequence[str]) -> NoReturn:
-    for number, line in enumerate(body.split("\n"), 2):
-        if not line.strip():
-            continue
-        cells = line.split(",")
-        if len(cells) != len(names):
-            raise DataError(
-                message(
-                    "{path}, line {line}: expected {wanted} numbers ({names}), found {found}",
-                    path=path,
-                    line=number,
-                    wanted=len(names),
-                    names=",".join(names),
-                    found=len(cells),
-                ),
-                "Correct or remove that line",
-            )
-        for name, cell in zip(names, cells, strict=True):
-            try:
-                float(cell)
-            except ValueError:
-                raise DataError(
-                    message(
-                        "{path}, line {line}: expected a number for {name}, found “{text}”",
-                        path=path,
-                        line=number,
-                        name=name,
-                        text=cell.strip()[:40],
-                    ),
-                    "Correct or remove that line",
-                ) from None
-    raise DataError(
-        message("{path}: holds something other than numbers", path=path),
-        message("Expected columns {names}", names=",".join(names)),
-    )

@@ -168,6 +168,13 @@ def corrected_touch(
     )
 
 
+def merged(parts: Sequence[Correction]) -> Correction:
+    """What was done to parts of a stream: an effect counts as removed where it was in any of them."""
+    applied = {effect.id: effect for part in parts for effect in part.applied}
+    left = {name: why for part in parts for name, why in part.left.items() if name not in applied}
+    return Correction(tuple(applied.values()), left)
+
+
 def _why_left(home: type[Effect], sized: bool, repeats: bool) -> str:
     """Why an effect cannot be undone in touch events; empty if it can.
 

@@ -11,6 +11,7 @@ from draglag.instruments.beam import Lines
 from draglag.latency.edges import Edges, clean_edges
 from draglag.messages import message
 from draglag.path.events import hold_at_rate, last_of_batches, sample_interval_s, without_strays
+from draglag.reading.limits import EVENT_S
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.shown import brief
 
@@ -155,7 +156,7 @@ class Prepared:
 
 
 def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = None) -> Prepared:
-    """Usable events and clean edges of a run. Raises EstimateError with fewer than 20 events."""
+    """Usable events and clean edges of a run. Raises EstimateError with fewer than 20, or fewer than a panel sends."""
     touch, n_strays = without_strays(run.touch)
     touch, stamps = last_of_batches(touch), "kernel"
     if touch.t_s.size < 20:
@@ -166,6 +167,10 @@ def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = 
     if update_rate_hz is not None:
         touch, stamps = hold_at_rate(touch, update_rate_hz), f"last event held at {update_rate_hz:g} Hz"
     dt_s = sample_interval_s(touch.t_s)
+    if dt_s > EVENT_S:
+        raise EstimateError(
+            message("{run}: one touch event every {dt_s:.3g} s", run=run.id, dt_s=dt_s), "Give all times in seconds"
+        )
     step = max(1, round(0.02 / dt_s))  # speed over about 20 ms: coarse, only for telling bounces from edges
     if touch.t_s.size > step:
         moved = np.hypot(touch.x_mm[step:] - touch.x_mm[:-step], touch.y_mm[step:] - touch.y_mm[:-step])

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
+from numbers import Real
 from typing import cast
 
 from draglag.errors import DraglagError, EstimateError
@@ -62,7 +65,7 @@ def _guarded(name: str, one: Estimator) -> Estimator:
             problem = f"{type(error).__name__}: {error}"
         else:
             if isinstance(found, RunEstimate) and found.id == blank.id:
-                return found
+                return _with_known_latency(found)
             problem = message("it returned a {kind}, not the RunEstimate of this run", kind=type(found).__name__)
         raise EstimateError(
             message("{run}: the estimator {name} failed ({problem})", run=blank.id, name=name, problem=problem),
@@ -70,3 +73,23 @@ def _guarded(name: str, one: Estimator) -> Estimator:
         )
 
     return estimate
+
+
+def _with_known_latency(found: RunEstimate) -> RunEstimate:
+    """The estimate without its latency where that, or its speed, is no number."""
+    if found.latency_s is None or (_finite(found.latency_s) and _finite(found.speed_mm_s)):
+        return found
+    flags = found.flags if "unidentifiable" in found.flags else (*found.flags, "unidentifiable")
+    return replace(
+        found,
+        speed_mm_s=found.speed_mm_s if _finite(found.speed_mm_s) else None,
+        latency_s=None,
+        latency_se_s=None,
+        se_at_speed_s=None,
+        latency_ci95_s=None,
+        flags=flags,
+    )
+
+
+def _finite(value: object) -> bool:
+    return isinstance(value, Real) and math.isfinite(value)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -76,6 +77,16 @@ class Compensated:
         }
 
     __repr__ = brief
+
+
+def merged(t_s: FloatArray, parts: Sequence[tuple[np.ndarray, Compensated]]) -> Compensated:
+    """Of all events (n,), from parts of them: (which of the events, what they became); NaN for events of no part."""
+    out = {spec.name: np.full(t_s.shape, np.nan) for spec in fields(Compensated)}
+    out |= {"t_s": t_s.copy(), "extrapolated": np.zeros(t_s.shape, bool)}
+    for which, part in parts:
+        for name, values in out.items():
+            values[which] = getattr(part, name)
+    return Compensated(**out)
 
 
 def compensate(

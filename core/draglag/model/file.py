@@ -170,13 +170,19 @@ def model_of(
     provenance: Provenance | None = None,
     effects: Sequence[tuple[str, Mapping[str, float]] | ModelEffect] = (),
 ) -> LatencyModel:
-    """The model of a fitted curve.
+    """The model of a fitted curve. Raises DataError for anything else.
 
     >>> import draglag as dl
     >>> model = dl.model_of(dl.analyze(dl.read("session.h5")).curve)
     >>> bool(0.13 < model.latency_s(50.0) < 0.15)
     True
     """
+    given: object = curve
+    if not isinstance(given, CurveFit):
+        raise DataError(
+            message("expected a curve, found {found}", found=type(given).__name__),
+            "Give that of an analysis, dl.analyze(session).curve; where it is None, its problems say why",
+        )
     return LatencyModel(
         form=curve.form,
         parameters=dict(curve.parameters),
@@ -195,12 +201,17 @@ def model_of(
 
 
 def save_model(model: LatencyModel, path: Path | str) -> None:
-    """Write a model as JSON. Raises DataError if the file exists or cannot be written.
+    """Write a model as JSON. Raises DataError if the file exists or cannot be written, and for what is no model.
 
     >>> import draglag as dl
     >>> dl.save_model(dl.model_of(dl.analyze(dl.read("session.h5")).curve), "saved.json")
     """
-    path = Path(path)
+    path, given = Path(path), model
+    if not isinstance(given, LatencyModel):
+        raise DataError(
+            message("expected a model, found {found}", found=type(given).__name__),
+            "Make it first: dl.model_of(dl.analyze(session).curve)",
+        )
     try:
         with new_file(path) as growing:
             text = json.dumps(model.model_dump(mode="json"), indent=2, ensure_ascii=False) + "\n"

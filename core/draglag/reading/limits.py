@@ -44,6 +44,9 @@ SIZE_PX = 1_000_000
 TIME_S = 1e11
 """Largest stamp, s: seconds since 1970 are 1.8e9; stamps in ns are refused."""
 
+EVENT_S = 0.5
+"""Longest usual interval of touch events, s: slow panels take 0.02 s, those of 1 kHz in ms read as seconds 1 s."""
+
 CONTACTS = 128
 """Contacts of one touchscreen at a time: the largest touch tables follow 100. Frames are compared pair by pair."""
 

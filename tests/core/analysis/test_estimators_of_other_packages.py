@@ -74,3 +74,22 @@ def test_one_that_fails_is_named_in_one_sentence(tmp_path: Path, source: str) ->
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
     assert "run-01: the estimator mine failed (" in line
+
+
+@pytest.mark.parametrize("figures", ["latency_s=math.nan, speed_mm_s=100.0", "latency_s=math.inf, speed_mm_s=100.0",
+                                     "latency_s=0.05, speed_mm_s=math.nan", "latency_s=0.05"])  # fmt: skip
+def test_a_latency_that_is_no_number_is_none(tmp_path: Path, figures: str) -> None:
+    (tmp_path / "strange.py").write_text(
+        "import math\nfrom dataclasses import replace\n"
+        "def one(ready, blank, window_s):\n"
+        f"    return replace(blank, {figures}, latency_se_s=1e-3, latency_ci95_s=(0.04, 0.06), flags=('few_edges',))\n"
+    )
+    code = f"""
+import json, draglag as dl
+print(json.dumps(dl.analyze(dl.read({str(SAMPLE)!r}), estimator="mine").to_dict(), allow_nan=False))
+"""
+    found = json.loads(python([installed(tmp_path, {"mine": "strange:one"}, GROUP)], code).stdout)
+    assert (len(found["runs"]), found["curve"]) == (13, None)
+    for run in found["runs"]:
+        assert (run["latency_ms"], run["latency_ci95_ms"], run["in_curve"]) == (None, None, False)
+        assert {"few_edges", "unidentifiable"} <= set(run["flags"])

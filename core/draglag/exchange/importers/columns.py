@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from draglag.errors import DataError
+from draglag.exchange.streams import check_interval
 from draglag.exchange.tables import line_of_row, read_events
 from draglag.messages import message
 from draglag.reading.limits import CONTACT, TIME_S
@@ -26,6 +27,8 @@ CLOCKS = ("clock", "laser.clock")
 STREAMS = ("stream", "laser.stream")
 TOUCH_DEFAULTS = {"t": ("t_s", "s"), "x": ("x_mm", "mm"), "y": ("y_mm", "mm")}
 LASER_DEFAULTS = {"laser.t": ("t_s", "s"), "laser.light": ("light", "1")}
+CHANGES_ONLY = 0.8  # of the rows change the level: the table was written at changes, their stamps are the edges
+HOLE = 3.5  # usual intervals without a sample
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,8 @@ def touch_of(
 ) -> TouchTrace:  # fmt: skip
     """A trace from columns in their units."""
     t_s = _checked_times(by_key["t"] * _TIME[units["t"]], where, path)
+    if path is not None:  # a table: stamps of XDF are seconds
+        check_interval(t_s, where, "Give the unit of the time, as in --map t=COLUMN:ms")
     factors = {axis: _per_mm(axis, units[axis], where, screen, units_per_mm) for axis in ("x", "y")}
     mapping = Mapping2D(factors["x"], 0.0, 0.0, 0.0, factors["y"], 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -119,7 +124,7 @@ def touch_of(
 def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:
     """Edges of a table."""
     found = how.names(("laser.t", "laser.light"), LASER_DEFAULTS)
-    rows = read_events(path, [name for name, _ in found.values()])
+    rows = read_events(path, [name for name, _ in found.values()], switches=(found["laser.light"][0],))
     return laser_of(rows[:, 0], rows[:, 1], found["laser.t"][1], found["laser.light"][1], str(path), path)
 
 
@@ -129,10 +134,7 @@ def laser_of(
     """Edges from levels, or from a signal that crosses a threshold."""
     t_s = _checked_times(t * _TIME[time_unit], where, path)
     if light_unit[0] in "<>":
-        threshold = float(light_unit[1:])
-        level = (light > threshold if light_unit[0] == ">" else light < threshold).astype(np.int64)
-        keep = np.append(False, np.diff(level) != 0)[: len(level)]
-        return LaserTrace(t_s[keep], level[keep])
+        return _crossings(t_s, light, float(light_unit[1:]), above=light_unit[0] == ">")
     odd = np.flatnonzero(~np.isin(light, (0.0, 1.0)))
     if len(odd):
         raise DataError(
@@ -145,6 +147,25 @@ def laser_of(
         )
     level = light.astype(np.int64)
     return LaserTrace(t_s, level, missed=int((np.diff(level) == 0).sum()))
+
+
+def _crossings(t_s: FloatArray, light: FloatArray, threshold: float, above: bool) -> LaserTrace:
+    """Edges where a signal crosses the threshold: between two samples, as a straight line through both does."""
+    sampled = np.isfinite(light)
+    t_s, light = t_s[sampled], light[sampled]
+    level = (light > threshold if above else light < threshold).astype(np.int64)
+    after = np.flatnonzero(np.diff(level)) + 1
+    if len(after) > CHANGES_ONLY * (len(level) - 1):
+        return LaserTrace(t_s[after], level[after])
+    low, high = light[after - 1], light[after]
+    with np.errstate(all="ignore"):  # spans of the largest and the smallest numbers
+        part = np.clip(np.nan_to_num((threshold - low) / (high - low), nan=0.5), 0.0, 1.0)
+    dt_s = np.diff(t_s)
+    usual_s = np.median(dt_s[dt_s > 0]) if (dt_s > 0).any() else 0.0
+    between_s = dt_s[after - 1]
+    # A logger that leaves out what does not change: the signal stayed as it was until the sample that is due before.
+    between_s = np.where(between_s > HOLE * usual_s, usual_s, between_s)
+    return LaserTrace(t_s[after] - (1.0 - part) * between_s, level[after])
 
 
 def _checked_times(t_s: FloatArray, where: str, path: Path | None) -> FloatArray:

@@ -27,6 +27,7 @@ from draglag.exchange.tables import column_names
 from draglag.messages import message
 from draglag.reading import plain_lines
 from draglag.reading.limits import SIZE_MM, SIZE_PX
+from draglag.reading.off_screen import off_screen
 from draglag.recording import LaserTrace, LogEntry, Run, Screen, Session, Stylus, TouchTrace, empty_laser
 from draglag.store.schema import check_run_id, slug
 
@@ -85,6 +86,7 @@ def read_recordings(paths: tuple[Path, ...], how: HowToRead | None = None) -> Se
             "Import them one by one",
         )
     notes = [entry for run in runs for entry in run.log]
+    notes += [LogEntry(runs[0].start_s, "warning", "import", text) for text in off_screen(screens[0], runs)]
     if how.stylus_mm is None:
         notes.append(
             LogEntry(
