@@ -17,6 +17,7 @@ from draglag.latency.budget import common_delay_u_s
 from draglag.latency.conduct import gives_point, recorded_again, why_excluded, with_conduct
 from draglag.latency.estimate import WINDOW_S, prepare
 from draglag.latency.estimators import estimator_of
+from draglag.latency.half_turns import decided_by_others
 from draglag.latency.on_clock import nearby, tap_uncertainty_s, warnings_of
 from draglag.latency.stamps import stamps_reach_s, with_stamps
 from draglag.latency.steady import changing_warnings, has_constant_speed
@@ -165,19 +166,19 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     on_progress = progress or (lambda fraction, text: None)
     steady = [run for run in session.runs if has_constant_speed(run)]
     reach_s = stamps_reach_s([run.touch.t_s for run in session.runs])
+
+    def estimate_in(run: Run, window_s: tuple[float, float]) -> RunEstimate:
+        found = estimate_on_clock(
+            run, session.clocks, session.stylus.diameter_mm, options.estimator, options.update_rate_hz, window_s
+        )
+        known = with_stamps(with_systematics(found, correct=options.estimator != "paper"), reach_s)
+        return with_conduct(known, run)
+
     estimates = []
     for k, run in enumerate(steady):
         on_progress(k / max(len(session.runs), 1), run.id)
-        found = estimate_on_clock(
-            run,
-            session.clocks,
-            session.stylus.diameter_mm,
-            options.estimator,
-            options.update_rate_hz,
-            options.window_s,
-        )
-        known = with_stamps(with_systematics(found, correct=options.estimator != "paper"), reach_s)
-        estimates.append(with_conduct(known, run))
+        estimates.append(estimate_in(run, options.window_s))
+    estimates = decided_by_others(steady, estimates, estimate_in)
     badly_run = why_excluded(session.runs, estimates, options.include)
     excluded = {**badly_run, **options.exclude}
     repeated = recorded_again(session.runs, estimates, badly_run)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from draglag.latency.estimate import RunEstimate
+from draglag.latency.half_turns import decided_by_others
 from draglag.latency.run import estimate_run
 from draglag.latency.steady import CHANGED, has_constant_speed
 from draglag.recording import FloatArray, Run, Session
@@ -99,7 +100,10 @@ def recorded_again(runs: Sequence[Run], estimates: Iterable[RunEstimate], exclud
 def estimated(session: Session) -> Estimates:
     """Estimates of the runs at constant speed."""
     steady = [run for run in session.runs if has_constant_speed(run)]
-    return tuple((run, estimate_run(run, session.stylus.diameter_mm)) for run in steady)
+    width_mm = session.stylus.diameter_mm
+    found = [estimate_run(run, width_mm) for run in steady]
+    found = decided_by_others(steady, found, lambda run, window_s: estimate_run(run, width_mm, window_s=window_s))
+    return tuple(zip(steady, found, strict=True))
 
 
 def kept_runs(

@@ -24,6 +24,7 @@ from draglag.recording import FloatArray
 REJECTED = 9.4
 NEAR_ENOUGH = 0.1  # of the stylus' width (RMS): between two points of the search's grid a parabola knows no better
 ALIAS_LOG_POSTERIOR = 4.0  # a rival minimum closer than this cannot be ruled out
+NO_BETTER = 0.1  # nats per edge: how a path is smoothed changes the scatter of its edges by a tenth. Derived
 # Standard deviation of latencies of drags that are fast enough to fit again half a turn of their circle later: screens
 # show them 20 to 200 ms late. It chooses among minima only. Physical (the paper).
 USUAL_S = 0.1
@@ -56,11 +57,10 @@ class Solution:
     track: Track
 
     @property
-    def log_posterior(self) -> float:
-        """Per edge: at another latency others lie beyond the ends of the trace, which says nothing."""
-        usual = -0.5 * (self.latency_s / USUAL_S) ** 2
+    def log_likelihood_per_edge(self) -> float:
+        """Of all edges that the trace reaches there, the rejected included: those beyond its ends say nothing."""
         edges, rejected = self.edges.t_s.size, self.edges.n_rejected
-        return (self.log_likelihood + usual - REJECTED * rejected) / max(edges + rejected, 1)
+        return (self.log_likelihood - REJECTED * rejected) / max(edges + rejected, 1)
 
     @property
     def se_s(self) -> float:
@@ -90,8 +90,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     ]
     if not solutions:
         return replace(blank, flags=("unidentifiable",))
-    solutions.sort(key=lambda s: -s.log_posterior)
-    best = solutions[0]
+    best = _likeliest(solutions)
     if track.tremor is not None and best.p_no_scatter < SCATTER_CERTAIN:
         # Where a steep law re-times the trace, apparent tremor is not movement of the stylus: the edges decide.
         plain = _on_track(best, replace(track, with_tremor=False))
@@ -99,7 +98,7 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
             best = plain
     best, pauses = _without_pauses(ready, best)
     extra = []
-    if any(_rivals(best, other) for other in solutions[1:]):
+    if any(_rivals(best, other) for other in solutions):
         extra += ["alias", "unidentifiable"]
     if best.n_outside > 0.1 * (best.n_outside + best.edges.t_s.size):
         extra.append("lost_contact")
@@ -108,9 +107,25 @@ def estimate_efficient(ready: Prepared, blank: RunEstimate, window_s: tuple[floa
     return common_flags(_describe(ready, blank, best, arrival, pauses), ready, best.edges, window_s, tuple(extra))
 
 
+def _likeliest(solutions: list[Solution]) -> Solution:
+    best = max(solutions, key=lambda one: one.log_likelihood_per_edge)
+    for other in solutions:
+        if _log_odds(best, other) < 0:
+            best = other
+    return best
+
+
+def _log_odds(one: Solution, other: Solution) -> float:
+    """Nats by which one latency is more probable than another."""
+    n = one.edges.t_s.size
+    better = n * (one.log_likelihood_per_edge - other.log_likelihood_per_edge)
+    surely = np.sign(better) * max(abs(better) - NO_BETTER * n, 0.0)
+    return float(surely - 0.5 * (one.latency_s**2 - other.latency_s**2) / USUAL_S**2)
+
+
 def _rivals(best: Solution, other: Solution) -> bool:
-    behind = (best.log_posterior - other.log_posterior) * best.edges.t_s.size
-    return behind < ALIAS_LOG_POSTERIOR and abs(other.latency_s - best.latency_s) > 0.01
+    """Whether neither can be ruled out."""
+    return abs(other.latency_s - best.latency_s) > 0.01 and _log_odds(best, other) < ALIAS_LOG_POSTERIOR
 
 
 def _without_pauses(ready: Prepared, best: Solution) -> tuple[Solution, Pauses]:

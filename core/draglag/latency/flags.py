@@ -6,7 +6,7 @@ MEANING = {
     "few_edges": "fewer than eight usable edges: the interval is wide; let the run last longer",
     "at_window_end": "the latency lies at the end of the searched window: it is not in the curve; widen the window",
     "unidentifiable": "the data do not determine a latency: more edges, more sideways travel, both directions",
-    "alias": "a latency half a circle's period away fits about as well",
+    "alias": "a latency half a circle's period away fits about as well: given is that nearest to other runs', if any",
     "spurious_edges": "more than a tenth of the edges were made by something other than the stylus",
     "lost_contact": "a tenth of the edges or more fell into a loss of contact",
     "little_travel": "the circle's centre travels less than a quarter of its diameter: slope and latency look alike",

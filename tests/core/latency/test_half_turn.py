@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from draglag.latency import estimate_run
+from draglag.latency import RunEstimate, estimate_run
+from draglag.latency.half_turns import decided_by_others
 from draglag.recording import LaserTrace, Run, TouchTrace
 
 D_MM = 7.0
@@ -42,3 +43,42 @@ def test_the_slow_edges_of_start_and_stop_rule_it_out(
 ) -> None:
     found = estimate_run(circle_from_rest(speed_mm_s, latency_s, *shape_mm), D_MM)
     assert found.latency_s == pytest.approx(latency_s, abs=1e-3)  # half a turn is 100 to 600 ms
+
+
+def even_circle(speed_mm_s: float, latency_s: float, radius_mm: float = 56.0, beam_mm: float = 24.0) -> Run:
+    """A circle that travels without any irregularity but touch noise: it fits a beam half a turn later as well."""
+    turn_s, rng = 2 * np.pi * radius_mm / speed_mm_s, np.random.default_rng(2)
+    t_s = np.arange(0.0, 30.0, 0.0075)
+    angle = 2 * np.pi * (t_s - latency_s) / turn_s
+    x_mm, y_mm = radius_mm * np.array([np.cos(angle), np.sin(angle)]) + rng.normal(0, 0.1, (2, t_s.size))
+    x_mm += 3.0 * t_s
+    # Where the stylus' upper or lower end reaches the beam, going down the screen and back.
+    ends = np.arcsin((beam_mm + 0.5 * D_MM * np.array([-1, 1])) / radius_mm) / (2 * np.pi)
+    once = np.concatenate([ends, 0.5 - ends[::-1]]) * turn_s
+    edge_s = np.concatenate([once + k * turn_s for k in range(1, int(29 / turn_s))])
+    light = np.tile([0, 1, 0, 1], edge_s.size // 4)
+    touch = TouchTrace(t_s, x_mm, y_mm, np.ones(t_s.size, np.int64))
+    return Run("run-01", "circle", 0.0, 30.0, touch, LaserTrace(edge_s, light), speed_mm_s, radius_mm)
+
+
+def test_no_half_turn_is_taken_for_the_latency_because_of_where_the_grid_lies() -> None:
+    """Between two points of the search's grid a fast stylus goes 3 mm."""
+    for latency_s in np.arange(0.030, 0.0345, 5e-4):
+        found = estimate_run(even_circle(780.0, float(latency_s)), D_MM, window_s=(-0.15, 0.45))
+        assert found.latency_s is None or abs(found.latency_s - latency_s) < 1e-3
+
+
+@pytest.mark.parametrize(("usual_s", "speed_mm_s", "decided"), [(0.04, 700.0, True), (0.04, 300.0, False)])
+def test_runs_of_about_its_speed_decide_on_a_circle_that_fits_twice(
+    usual_s: float, speed_mm_s: float, decided: bool
+) -> None:
+    run, latency_s = even_circle(780.0, 0.033), 0.033
+    found = estimate_run(run, D_MM)
+    assert found.latency_s is None
+    assert "alias" in found.flags
+    other = RunEstimate("run-02", "circle", speed_mm_s, "kernel", speed_mm_s=speed_mm_s, latency_s=usual_s)
+    known, _ = decided_by_others(
+        [run, run], [found, other], lambda run, window_s: estimate_run(run, D_MM, window_s=window_s)
+    )
+    assert known.latency_s == (pytest.approx(latency_s, abs=1e-3) if decided else None)
+    assert "alias" in known.flags

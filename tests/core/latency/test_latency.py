@@ -205,29 +205,6 @@ def test_no_run_is_silently_wrong(
     assert found.flags or abs(found.latency_s - latency_s) < reach * found.latency_se_s + 5e-5
 
 
-def even_circle(speed_mm_s: float, latency_s: float, radius_mm: float = 56.0, beam_mm: float = 24.0) -> Run:
-    """A circle that travels without any irregularity but touch noise: it fits a beam half a turn later as well."""
-    turn_s, rng = 2 * np.pi * radius_mm / speed_mm_s, np.random.default_rng(2)
-    t_s = np.arange(0.0, 30.0, 0.0075)
-    angle = 2 * np.pi * (t_s - latency_s) / turn_s
-    x_mm, y_mm = radius_mm * np.array([np.cos(angle), np.sin(angle)]) + rng.normal(0, 0.1, (2, t_s.size))
-    x_mm += 3.0 * t_s
-    # Where the stylus' upper or lower end reaches the beam, going down the screen and back.
-    ends = np.arcsin((beam_mm + 0.5 * D_MM * np.array([-1, 1])) / radius_mm) / (2 * np.pi)
-    once = np.concatenate([ends, 0.5 - ends[::-1]]) * turn_s
-    edge_s = np.concatenate([once + k * turn_s for k in range(1, int(29 / turn_s))])
-    light = np.tile([0, 1, 0, 1], edge_s.size // 4)
-    touch = TouchTrace(t_s, x_mm, y_mm, np.ones(t_s.size, np.int64))
-    return Run("run-01", "circle", 0.0, 30.0, touch, LaserTrace(edge_s, light), speed_mm_s, radius_mm)
-
-
-def test_no_half_turn_is_taken_for_the_latency_because_of_where_the_grid_lies() -> None:
-    """Between two points of the search's grid a fast stylus goes 3 mm."""
-    for latency_s in np.arange(0.030, 0.0345, 5e-4):
-        found = measured(even_circle(780.0, float(latency_s)), window_s=(-0.15, 0.45))
-        assert found.latency_s is None or abs(found.latency_s - latency_s) < 1e-3
-
-
 @pytest.mark.parametrize(("screen", "speed", "radius_mm"), [("screen-1", 700.0, 100.0), ("screen-2", 295.0, 30.0)])
 def test_a_steep_law_and_an_oval_do_not_shift_a_run(screen: str, speed: float, radius_mm: float) -> None:
     # Uneven speed puts the third harmonic of the rhythm on the trace; smoothed away, it shifts all edges together.

@@ -6,6 +6,7 @@ import numpy as np
 
 from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate
+from draglag.latency.half_turns import decided_by_others
 from draglag.latency.run import estimate_run
 from draglag.latency.steady import has_constant_speed
 from draglag.recording import Run, Session
@@ -32,4 +33,8 @@ def searched(session: Session) -> Estimates:
         found[run.id] = run, estimate
         if estimate.latency_s is not None:
             before.append(estimate.latency_s)
-    return tuple(found[run.id] for run in session.runs if run.id in found)
+    runs, estimates = [run for run, _ in found.values()], [estimate for _, estimate in found.values()]
+    width_mm = session.stylus.diameter_mm
+    estimates = decided_by_others(runs, estimates, lambda run, window_s: estimate_run(run, width_mm, window_s=window_s))
+    known = dict(zip(found, estimates, strict=True))
+    return tuple((run, known[run.id]) for run in session.runs if run.id in known)
