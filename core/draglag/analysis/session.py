@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from draglag.analysis.axes_or_light import axes_or_light
 from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
 from draglag.errors import DataError, EstimateError
 from draglag.instruments.clocks import remapped
@@ -196,6 +197,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     problems += trouble
     width = width_check(estimates, session.stylus.diameter_mm)
     warnings = [*warnings_of(session, standing, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
+    warnings += axes_or_light(steady, estimates, session.stylus.diameter_mm)
     warnings += [*changing_warnings(session.runs), *off_screen(session.screen, session.runs)]
     warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
     on_progress(1.0, "done")
