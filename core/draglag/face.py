@@ -159,7 +159,7 @@ def simulate(
     if isinstance(effects, Mapping):
         effects = parse_effects(f"{name}={_size(name, value)!r}" for name, value in effects.items())
     elif isinstance(effects, str) or not all(isinstance(effect, Effect) for effect in effects):
-        raise DataError("effects have no size", 'Give one for each, as in effects={"clock_drift": 30}')
+        raise DataError("effects have no size", "Give one for each, as in effects={name: size}")
     return simulate_session(screen, protocol, effects=effects, seed=_seed(seed))
 
 
