@@ -1,8 +1,11 @@
 """Edges in pauses of the hand count in a run's mean latency, however few they are."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
+from draglag.latency import efficient, pauses
 from draglag.latency.run import estimate_run
 from draglag.recording import LaserTrace, Run, TouchTrace
 
@@ -44,3 +47,26 @@ def test_the_mean_holds_the_edges_in_pauses(at_s: tuple[float, ...]) -> None:
     found = estimate_run(run, 7.0)
     assert found.latency_s is not None
     assert found.latency_s == pytest.approx(truth_s, abs=2.5e-4)
+
+
+def test_a_slow_edge_that_the_trace_does_not_show_is_none_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At its own, longer latency it would move the latency of the others by milliseconds."""
+    run, _ = circles_with_pauses((9.3,))
+    whole = estimate_run(run, 7.0)
+    shown, searched_s, left = pauses._shown, [], []
+
+    def all_but_the_first(t_s: Any, off_mm: Any, half_mm: float, edge_s: float, *more: Any) -> Any:
+        searched_s.append(edge_s)
+        return None if edge_s == searched_s[0] else shown(t_s, off_mm, half_mm, edge_s, *more)
+
+    def seen(*given: Any) -> Any:
+        left.append(pauses.without_pauses(*given))
+        return left[-1]
+
+    monkeypatch.setattr(pauses, "_shown", all_but_the_first)
+    monkeypatch.setattr(efficient, "without_pauses", seen)
+    found = estimate_run(run, 7.0)
+    assert len(searched_s) >= 2
+    ((others, _),) = left
+    assert not np.isin(searched_s, others.edges.t_s).any()
+    assert found.n_rejected == whole.n_rejected + 1
