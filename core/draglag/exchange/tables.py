@@ -82,17 +82,7 @@ def _by_cell(
     next(rows)
     for number, cells in rows:
         if len(cells) != len(names):
-            raise DataError(
-                message(
-                    "{path}, line {line}: expected {wanted} numbers ({names}), found {found}",
-                    path=path,
-                    line=number,
-                    wanted=len(names),
-                    names=",".join(names),
-                    found=len(cells),
-                ),
-                "Correct or remove that line",
-            )
+            raise _wrong_cells(path, number, names, len(cells))
         for name, place in wanted:
             value = _number(cells[place], switch=name in switches)
             if math.isnan(value) and _bare(cells[place]).lower() not in MISSING:
