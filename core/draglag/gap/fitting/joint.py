@@ -183,13 +183,13 @@ def _on_their_traces(runs: tuple[RunData, ...], terms: Sequence[Term]) -> tuple[
 
 
 def most_promising(before: Fit, options: Sequence[Sequence[Term]], law: LawParameters) -> Sequence[Term]:
-    """Terms that fit best under a law, without a refit."""
+    """Terms that fit best under a law, without a refit, weighed by touch noise where the fit before has the edges."""
     values: list[float] = []
     for terms in options:
         state = linearise(before.runs, law, before.geometry, terms, before.width_mm, None)
         state = linearise(before.runs, law, before.geometry, state.terms, before.width_mm, state)
         use = before.use & state.placed.ok & np.isfinite(state.residual)
-        white = whitener(scatter(before.runs, state.placed, use, state.blur_mm), START)
+        white = whitener(scatter(before.runs, state.placed, use, state.blur_mm, before.placed.touch_noise), START)
         value, _ = profile(white, state.residual[use], state.design[use], state.prior)
         values.append(value / max(int(use.sum()), 1))
     return options[int(np.argmax(values))]

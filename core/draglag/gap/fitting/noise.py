@@ -11,6 +11,7 @@ import numpy as np
 from draglag.gap.constants import MEMORY_S, MISFIT_MM, ROUNDING_MM, USUAL_SPEED_ERROR, USUAL_TREMOR_MM_S
 from draglag.gap.traces.edges import Placed
 from draglag.gap.traces.run_data import RunData
+from draglag.gap.traces.touch_noise import TouchNoise
 from draglag.path.motion import SPEED_TIMING_S
 from draglag.recording import FloatArray, IntArray
 
@@ -127,8 +128,17 @@ class Scatter:
         return {name: float(np.sqrt(np.mean(mm2))) for name, mm2 in (fixed | squares).items()}
 
 
-def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm: FloatArray) -> Scatter:
-    """Scatter of the used edges. blur_mm: (all placed) error by what effects leave unknown."""
+def scatter(
+    runs: tuple[RunData, ...],
+    placed: Placed,
+    use: np.ndarray,
+    blur_mm: FloatArray,
+    noise: TouchNoise | None = None,
+) -> Scatter:
+    """Scatter of the used edges.
+
+    blur_mm: (all placed) error by what effects leave unknown. noise: by touch events, of another placing nearby.
+    """
     run, t_s = placed.run[use], placed.t_s[use]
     late_mm_s = placed.v_mm_s[use, 1]
     follows = late_mm_s * placed.stretch[use] * placed.slope_s2_mm[use]
@@ -144,7 +154,7 @@ def scatter(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray, blur_mm:
     if placed.unsure_s is not None:
         loose_s = np.hypot(loose_s, placed.unsure_s)
     near = Neighbours.within(SPEED_MEMORY_S, t_s, run)
-    fixed = placed.touch_noise.band_mm2(use, near.later.shape[0])
+    fixed = (noise or placed.touch_noise).band_mm2(use, near.later.shape[0])
     fixed[0] += timing_mm(placed)[use] ** 2 + ROUNDING_MM**2
     if blur_mm[use].any():
         fixed += near.band(blur_mm[use], np.exp(-near.apart_s / ACCEL_MEMORY_S))
