@@ -31,6 +31,21 @@ def test_a_width_disagrees_where_it_moves_edges_by_the_size_of_interest(more_mm:
     assert width.measured - width.simulated == pytest.approx(more_mm, abs=0.04)
 
 
+def test_one_run_of_a_wrong_width_disagrees_with_no_simulation() -> None:
+    """A latency that steps between the edges of one stroke moves its width by millimetres, and that of no other run."""
+    session = simulate_session("screen-1", load_protocol("demo"), seed=5)
+    last = close_gap(session, max_effects=0).last
+    assert last is not None
+    again = replay(session, last, {})
+    for off, agrees in ((1, True), (len(again.runs), False)):
+        runs = [
+            replace(one, measured=replace(one.measured, stylus_diameter_mm=3.0)) if k < off and one.measured else one
+            for k, one in enumerate(again.runs)
+        ]
+        found = {one.name: one for one in compared_statistics(session, replace(again, runs=tuple(runs)))}
+        assert found["stylus width"].agrees is agrees
+
+
 @pytest.mark.parametrize(("sent", "agrees"), [(True, True), (False, False)])
 def test_frames_that_a_kernel_leaves_out_are_compared_as_repeats(sent: bool, agrees: bool) -> None:
     """A simulated deadband repeats positions: frames have to be missing as often where none repeats."""
