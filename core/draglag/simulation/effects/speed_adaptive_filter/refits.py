@@ -24,7 +24,7 @@ from draglag.simulation.effects.speed_adaptive_filter.filtering import (
 
 OWN = SpeedAdaptiveFilter.id
 SETTLED = 0.02  # of either parameter's logarithm: a twenty-fifth of what screens differ by
-ROUNDS = 4  # after the first refits
+ROUNDS = 4  # after the first refit
 LONGEST_STEP = 0.7  # of a logarithm in one round, a factor of two: further, first order says nothing
 BEYOND_SCREENS = 3.5  # standard deviations among screens: one in two thousand would have such a filter
 BACK = 0.3  # of a step that went too far
@@ -36,21 +36,23 @@ LEAST_SHARE = 0.1
 def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit | None]:
     """Refit of traces freed of the likeliest filter, if likelier than without.
 
-    Begun at ``theta`` or at the usual filter, whichever is likelier.
+    Begun at ``theta`` or at the usual filter, as large as its column is in the edges: a multiple of both parameters
+    divides the delay.
     """
-    begun = {USUAL, Setting(*theta[:2])} if theta else {USUAL}
-    if max(shown_share(before, setting) for setting in begun) < LEAST_SHARE:
+    begun = Setting(*theta[:2]) if theta else USUAL
+    share = shown_share(before, begun)
+    if share < LEAST_SHARE:
         return []
-    first = [fit for setting in sorted(begun) if (fit := _at(session, before, setting)) is not None]
-    if not first:
+    begun = begun.moved(np.full(2, -np.log(share)))
+    best = None if _beyond_screens(begun) else _at(session, before, begun)
+    if best is None:
         return []
-    best = max(first, key=lambda fit: gained_nats(before, fit))
     step, unsure, gain = likelier(best)
     for _ in range(ROUNDS):
         if gained_nats(before, best) + gain < 0:
             return []  # not even to first order does it come up to a fit without a filter
         there = _setting(best).moved(np.clip(step, -LONGEST_STEP, LONGEST_STEP))
-        if np.max(np.abs(there.logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD:
+        if _beyond_screens(there):
             return []
         if np.max(np.abs(step)) < SETTLED:
             break
@@ -64,6 +66,10 @@ def refits(session: Session, before: Fit, theta: tuple[float, ...]) -> list[Fit 
         return []
     setting = _setting(best)._replace(sd_log_fmin=float(unsure[0]), sd_log_beta=float(unsure[1]))
     return [replace(best, terms=tuple(replace(t, theta=setting) if t.effect == OWN else t for t in best.terms))]
+
+
+def _beyond_screens(setting: Setting) -> bool:
+    return bool(np.max(np.abs(setting.logs_from(USUAL))) > BEYOND_SCREENS * OF_SCREENS_SD)
 
 
 def shown_share(before: Fit, setting: Setting) -> float:
