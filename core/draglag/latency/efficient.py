@@ -22,6 +22,9 @@ from draglag.recording import FloatArray
 
 # nats. A rejected edge may lie anywhere on the screen (300 mm) and is one in a hundred: ln(300 / √(2π) · 100). Physical
 REJECTED = 9.4
+# Smoothing spreads the start of a movement into its first edges, by less than NEAR_MM: one in ten of a short run, which
+# costs as many nats, ln(2 · 10). Physical
+NEAR_MM, NEARLY = 1.0, 3.0
 NEAR_ENOUGH = 0.1  # of the stylus' width (RMS): between two points of the search's grid a parabola knows no better
 ALIAS_LOG_POSTERIOR = 4.0  # a rival minimum closer than this cannot be ruled out
 NO_BETTER = 0.1  # nats per edge: how a path is smoothed changes the scatter of its edges by a tenth. Derived
@@ -39,13 +42,16 @@ LARGEST_SE_RATIO = 3.0  # a place this many times less sure than the median is n
 class Solution:
     """A converged fit. parameters: L (s), slope, middle (mm), half width (mm), dL/dln v (s).
 
-    ``tau_mm``: scatter of single edges beyond the known; ``p_no_scatter``: probability of none.
+    ``reached_s``: edges within the trace; ``near_s``: those of them that are rejected though near it; ``tau_mm``:
+    scatter of single edges beyond the known; ``p_no_scatter``: probability of none.
     """
 
     latency_s: float
     parameters: FloatArray
     covariance: FloatArray
     edges: Edges
+    reached_s: FloatArray
+    near_s: FloatArray
     xy_mm: FloatArray
     v_mm_s: FloatArray
     side: FloatArray
@@ -59,8 +65,13 @@ class Solution:
     @property
     def log_likelihood_per_edge(self) -> float:
         """Of all edges that the trace reaches there, the rejected included: those beyond its ends say nothing."""
-        edges, rejected = self.edges.t_s.size, self.edges.n_rejected
-        return (self.log_likelihood - REJECTED * rejected) / max(edges + rejected, 1)
+        return self.log_likelihood_on(self.reached_s) / max(self.reached_s.size, 1)
+
+    def log_likelihood_on(self, edge_t_s: FloatArray) -> float:
+        """Of some of these edges."""
+        used, near = (int(np.count_nonzero(np.isin(edge_t_s, of))) for of in (self.edges.t_s, self.near_s))
+        far = edge_t_s.size - used - near
+        return used * self.log_likelihood / self.edges.t_s.size - NEARLY * near - REJECTED * far
 
     @property
     def se_s(self) -> float:
@@ -116,9 +127,10 @@ def _likeliest(solutions: list[Solution]) -> Solution:
 
 
 def _log_odds(one: Solution, other: Solution) -> float:
-    """Nats by which one latency is more probable than another."""
-    n = one.edges.t_s.size
-    better = n * (one.log_likelihood_per_edge - other.log_likelihood_per_edge)
+    """Nats by which one latency is more probable than another, on the edges that the trace reaches at both."""
+    both = np.intersect1d(one.reached_s, other.reached_s)
+    n = both.size
+    better = one.log_likelihood_on(both) - other.log_likelihood_on(both)
     surely = np.sign(better) * max(abs(better) - NO_BETTER * n, 0.0)
     return float(surely - 0.5 * (one.latency_s**2 - other.latency_s**2) / USUAL_S**2)
 
@@ -151,7 +163,7 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
     """Gauss–Newton from a starting latency; None with too few edges or on divergence."""
     total = ready.edges.t_s.size
     edges = _placed(ready, latency_s, track)
-    n_lost = total - edges.t_s.size
+    n_lost, reached_s = total - edges.t_s.size, edges.t_s
     start_s, slope = latency_s, 0.0
     known: Known | None = None
     residual: FloatArray | None = None
@@ -166,6 +178,7 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
         if not keep.all():
             # An edge that cannot be placed is dropped; one that no stylus made is rejected further down.
             n_lost += int(np.count_nonzero(~keep))
+            reached_s = reached_s[~np.isin(reached_s, edges.t_s[~keep])]
             edges, known, residual = Edges(edges.t_s[keep], edges.falling[keep], edges.n_rejected), None, None
             continue
         if known is None:
@@ -194,6 +207,8 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
         parameters=parameters,
         covariance=fit.spread,
         edges=edges,
+        reached_s=reached_s,
+        near_s=_near_s(ready, edges, reached_s, parameters, track),
         xy_mm=xy_mm,
         v_mm_s=v_mm_s,
         side=side,
@@ -204,6 +219,18 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
         n_outside=n_lost,
         track=track,
     )
+
+
+def _near_s(
+    ready: Prepared, used: Edges, reached_s: FloatArray, parameters: FloatArray, track: Track
+) -> FloatArray:
+    """Times of rejected edges that lie near the trace."""
+    which = np.isin(ready.edges.t_s, reached_s) & ~np.isin(ready.edges.t_s, used.t_s)
+    edge_s, at_s = ready.edges.t_s[which], ready.edges.t_s[which] + parameters[0]
+    xy_mm, v_mm_s = track.with_velocity(at_s)
+    side = sides(ready.edges.falling[which], v_mm_s[:, 1] - parameters[1] * v_mm_s[:, 0])
+    off_mm = xy_mm[:, 1] - parameters[1] * xy_mm[:, 0] - parameters[2] - side * parameters[3]
+    return edge_s[np.abs(off_mm) < NEAR_MM]
 
 
 def _on_track(solution: Solution, track: Track) -> Solution:

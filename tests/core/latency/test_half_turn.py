@@ -45,6 +45,29 @@ def test_the_slow_edges_of_start_and_stop_rule_it_out(
     assert found.latency_s == pytest.approx(latency_s, abs=1e-3)  # half a turn is 100 to 600 ms
 
 
+@pytest.mark.parametrize(("noise_mm", "length_s"), list(product((0.02, 0.05), (7.5, 10.0))))
+def test_edges_that_smoothing_moves_in_a_start_rule_no_latency_out(noise_mm: float, length_s: float) -> None:
+    """Four edges of a brisk start lie up to half a millimetre off the smoothed path, fewer of them half a turn later."""
+    found = estimate_run(brisk_start(noise_mm, length_s), 10.0)
+    assert found.latency_s is None or found.latency_s == pytest.approx(0.027, abs=1e-3)  # half a turn is 320 ms
+
+
+def brisk_start(noise_mm: float, length_s: float) -> Run:
+    """A robot's circle that has its speed after 0.3 s, shown 27 ms late."""
+    rng = np.random.default_rng(3)
+    fine_s = np.arange(0.0, length_s, FINE_S)
+    u = np.clip(fine_s / 0.3, 0.0, 1.0)
+    angle = np.cumsum(336.0 / 34.3 * u**2 * (3 - 2 * u)) * FINE_S
+    x_mm, y_mm = 34.3 * np.cos(angle) + 3.0 * fine_s, 34.3 * np.sin(angle)
+    dark = np.abs(y_mm - 2.8) < 5.0
+    at = np.flatnonzero(np.diff(dark.astype(int)))
+    t_s = np.arange(0.027, length_s, 1 / 240)
+    shown = (np.interp(t_s - 0.027, fine_s, q) + rng.normal(0, noise_mm, t_s.size) for q in (x_mm, y_mm))
+    touch = TouchTrace(t_s, *shown, np.ones(t_s.size, np.int64))
+    laser = LaserTrace(fine_s[at] + 0.5 * FINE_S, (~dark[at + 1]).astype(np.int64))
+    return Run("run-01", "circle", 0.0, length_s, touch, laser, 336.0, 34.3)
+
+
 def even_circle(speed_mm_s: float, latency_s: float, radius_mm: float = 56.0, beam_mm: float = 24.0) -> Run:
     """A circle that travels without any irregularity but touch noise: it fits a beam half a turn later as well."""
     turn_s, rng = 2 * np.pi * radius_mm / speed_mm_s, np.random.default_rng(2)
@@ -82,3 +105,22 @@ def test_runs_of_about_its_speed_decide_on_a_circle_that_fits_twice(
     )
     assert known.latency_s == (pytest.approx(latency_s, abs=1e-3) if decided else None)
     assert "alias" in known.flags
+
+
+@pytest.mark.parametrize(("others_s", "decided"), [((0.034, 0.032, 0.033), True), ((0.034, 0.268, 0.266), False)])
+def test_most_runs_of_about_its_speed_correct_one_that_is_half_a_turn_off(
+    others_s: tuple[float, ...], decided: bool
+) -> None:
+    """Half a turn of it is 226 ms: an estimate without a flag that lies as far from two of three others is an alias."""
+    run = even_circle(780.0, 0.033)
+    found = estimate_run(run, D_MM, window_s=(0.2, 0.35))
+    assert found.latency_s == pytest.approx(0.033 + np.pi * 56.0 / 780.0, abs=1e-3)
+    others = [
+        RunEstimate(f"run-{k:02}", "circle", 780.0, "kernel", speed_mm_s=780.0 + k, latency_s=latency_s)
+        for k, latency_s in enumerate(others_s, start=2)
+    ]
+    known, *_ = decided_by_others(
+        [run] * 4, [found, *others], lambda run, window_s: estimate_run(run, D_MM, window_s=window_s)
+    )
+    assert ("alias" in known.flags) is decided
+    assert known.latency_s == (pytest.approx(0.033, abs=1e-3) if decided else found.latency_s)
