@@ -53,6 +53,12 @@ def test_what_a_steep_law_skips_at_the_turns_is_no_age_of_positions() -> None:
     assert hold(touches) is None
 
 
+def test_a_session_of_strokes_alone_has_a_verdict(session: Session) -> None:
+    """No run keeps one speed: none of those that decide on a law that follows the speed late."""
+    alone = replace(session, runs=tuple(run for run in session.runs if run.id.startswith("stroke")))
+    assert close_gap(alone).verdict == "no_gap"
+
+
 def test_strokes_have_no_speed_of_their_own(session: Session) -> None:
     each = {data.run.id: data.steady for data in gather(session)}
     assert not any(steady for name, steady in each.items() if name.startswith("stroke"))

@@ -109,7 +109,7 @@ def delay_profile(fit: Fit, options: Sequence[SpeedDelay]) -> FloatArray:
     for k, delay in enumerate(options):
         state = linearise(fit.runs, fit.law, fit.geometry, rest, fit.width_mm, now, delay)
         use = steady & state.placed.ok & np.isfinite(state.residual)
-        if np.count_nonzero(use) < KEPT * np.count_nonzero(steady):
+        if not use.any() or np.count_nonzero(use) < KEPT * np.count_nonzero(steady):
             continue
         if whitened is None or not np.array_equal(use, whitened[0]):
             whitened = use, whitener(scatter(fit.runs, state.placed, use, state.blur_mm), components)
