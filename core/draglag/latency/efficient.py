@@ -221,16 +221,14 @@ def solve(ready: Prepared, latency_s: float, track: Track) -> Solution | None:
     )
 
 
-def _near_s(
-    ready: Prepared, used: Edges, reached_s: FloatArray, parameters: FloatArray, track: Track
-) -> FloatArray:
+def _near_s(ready: Prepared, used: Edges, reached_s: FloatArray, parameters: FloatArray, track: Track) -> FloatArray:
     """Times of rejected edges that lie near the trace."""
     which = np.isin(ready.edges.t_s, reached_s) & ~np.isin(ready.edges.t_s, used.t_s)
     edge_s, at_s = ready.edges.t_s[which], ready.edges.t_s[which] + parameters[0]
     xy_mm, v_mm_s = track.with_velocity(at_s)
     side = sides(ready.edges.falling[which], v_mm_s[:, 1] - parameters[1] * v_mm_s[:, 0])
     off_mm = xy_mm[:, 1] - parameters[1] * xy_mm[:, 0] - parameters[2] - side * parameters[3]
-    return edge_s[np.abs(off_mm) < NEAR_MM]
+    return np.asarray(edge_s[np.abs(off_mm) < NEAR_MM])
 
 
 def _on_track(solution: Solution, track: Track) -> Solution:

@@ -13,7 +13,7 @@ from core.sound_sessions import recorded, with_touch
 from draglag.gap.correction import realise
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import stalls
-from draglag.gap.streams.stamps import resolution_mm
+from draglag.gap.streams.stamps import first_of_repeats, resolution_mm
 from draglag.gap.traces.dewarped import DewarpedKinematics, spectrum_of
 from draglag.gap.traces.run_data import gather
 from draglag.model.file import ModelEffect
@@ -213,14 +213,38 @@ def test_straight_fills_are_counted_although_stamps_jitter(sound: Session, by_co
     assert all(new.touch.t_s.size < old.touch.t_s.size for new, old in zip(repaired.runs, sound.runs, strict=True))
 
 
-def in_steps(touch: TouchTrace, step_mm: float) -> TouchTrace:
-    return replace(touch, x_mm=np.round(touch.x_mm / step_mm) * step_mm, y_mm=np.round(touch.y_mm / step_mm) * step_mm)
+def in_steps(touch: TouchTrace, step_mm: float, across_mm: float | None = None) -> TouchTrace:
+    y_step_mm = across_mm or step_mm
+    x_mm, y_mm = np.round(touch.x_mm / step_mm) * step_mm, np.round(touch.y_mm / y_step_mm) * y_step_mm
+    return replace(touch, x_mm=x_mm, y_mm=y_mm)
 
 
 @pytest.mark.parametrize("step_mm", [0.1, 0.25, 0.5])
 def test_coordinates_in_whole_steps_are_neither_held_nor_filled(sound: Session, step_mm: float) -> None:
     # A slow drag stays on one step for several events, and goes on in a line of them.
     assert inspect(with_touch(sound, lambda touch: in_steps(touch, step_mm)))[0] == ()
+
+
+@pytest.mark.parametrize(("along_mm", "across_mm"), [(0.1, 0.056), (0.5, 0.28), (0.28, 0.5), (0.5, 0.3)])
+def test_steps_of_another_size_in_each_coordinate_are_no_fills(
+    sound: Session, along_mm: float, across_mm: float
+) -> None:
+    """Panels have as many counts along their longer side as along the shorter: no step of one is whole in the other."""
+    assert inspect(with_touch(sound, lambda touch: in_steps(touch, along_mm, across_mm)))[0] == ()
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.05])
+def test_frames_in_which_nothing_changed_are_neither_lost_nor_badly_stamped(sound: Session, jitter: float) -> None:
+    """A kernel sends no report of them, and a slow stylus stays on one step of 1 mm for several."""
+    rng = np.random.default_rng(5)
+
+    def sent(touch: TouchTrace) -> TouchTrace:
+        late_s = rng.normal(0.0, jitter * np.median(np.diff(touch.t_s)), touch.t_s.size)
+        return first_of_repeats(in_steps(replace(touch, t_s=touch.t_s + late_s), 1.0))
+
+    slow = with_touch(sound, sent)
+    assert sum(run.touch.t_s.size for run in slow.runs) < 0.95 * sum(run.touch.t_s.size for run in sound.runs)
+    assert inspect(slow)[0] == ()
 
 
 def test_fills_are_seen_in_whole_steps_finer_than_the_noise(sound: Session) -> None:

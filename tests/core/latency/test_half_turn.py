@@ -47,7 +47,7 @@ def test_the_slow_edges_of_start_and_stop_rule_it_out(
 
 @pytest.mark.parametrize(("noise_mm", "length_s"), list(product((0.02, 0.05), (7.5, 10.0))))
 def test_edges_that_smoothing_moves_in_a_start_rule_no_latency_out(noise_mm: float, length_s: float) -> None:
-    """Four edges of a brisk start lie up to half a millimetre off the smoothed path, fewer of them half a turn later."""
+    """Four edges of a brisk start lie up to half a millimetre off the smoothed path, fewer half a turn later."""
     found = estimate_run(brisk_start(noise_mm, length_s), 10.0)
     assert found.latency_s is None or found.latency_s == pytest.approx(0.027, abs=1e-3)  # half a turn is 320 ms
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from importlib import import_module
 
-from draglag.gap.streams.stamps import StreamEffect, Streams, resolution_mm
+from draglag.gap.streams.stamps import StreamEffect, Streams, resolutions_mm
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS
 
@@ -17,7 +17,7 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     touches = [run.touch for run in session.runs if run.touch.t_s.size > FEWEST]
     if not touches:
         return (), session
-    streams, runs = Streams(session, touches, resolution_mm(touches)), session.runs
+    streams, runs = Streams(session, touches, resolutions_mm(touches)), session.runs
     found: list[StreamEffect] = []
     homes = sorted((home for home in EFFECTS.values() if home.detected_by), key=lambda home: home.detection_order)
     for home in homes:

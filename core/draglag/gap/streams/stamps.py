@@ -56,12 +56,22 @@ def share_interval(k: int, n: int, together: float = 1.0) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class Streams:
-    """Unrepaired streams. touches: with enough events; step_mm: of quantised coordinates, else 0."""
+    """Unrepaired streams. touches: with enough events; steps_mm: of quantised x and y, else 0."""
 
     session: Session
     touches: list[TouchTrace]
-    step_mm: float
+    steps_mm: tuple[float, float]
     _known: dict[Callable[..., Any], Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def step_mm(self) -> float:
+        """The coarser step."""
+        return max(self.steps_mm)
+
+    @property
+    def unsent_mm(self) -> tuple[float, float]:
+        """Steps of x and y where frames in which neither changed are not sent; else 0."""
+        return self.steps_mm if nothing_repeats(self.touches) else (0.0, 0.0)
 
     def of(self, detect: Callable[[Streams], Found]) -> Found:
         """Result of a detector, cached."""
@@ -91,9 +101,14 @@ def _running_mean(values: FloatArray, width: int) -> FloatArray:
 
 
 def resolution_mm(touches: list[TouchTrace]) -> float:
-    """Step of the coordinates; 0 if they are not quantised, or finer than ``FINEST_MM``."""
-    steps = [_step_mm([getattr(t, axis) for t in touches]) for axis in ("x_mm", "y_mm")]
-    return max(steps) if all(steps) else 0.0
+    """Coarser step of the coordinates; 0 if they are not quantised, or finer than ``FINEST_MM``."""
+    return max(resolutions_mm(touches))
+
+
+def resolutions_mm(touches: list[TouchTrace]) -> tuple[float, float]:
+    """Steps of x and y, which panels may have of different size; 0 if either is not quantised."""
+    x, y = (_step_mm([getattr(t, axis) for t in touches]) for axis in ("x_mm", "y_mm"))
+    return (x, y) if x and y else (0.0, 0.0)
 
 
 def _step_mm(values_mm: list[FloatArray]) -> float:
@@ -138,6 +153,16 @@ def first_of_repeats(touch: TouchTrace) -> TouchTrace:
 def nothing_repeats(touches: Sequence[TouchTrace]) -> bool:
     """Whether no position comes twice: a kernel sends no report in which nothing changed."""
     return not any(repeats(touch).any() for touch in touches)
+
+
+def all_sent(
+    t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, frame_s: float, unsent_mm: tuple[float, float]
+) -> np.ndarray:
+    """Intervals (n − 1,) over which a coordinate goes so many steps a frame that each frame changes it."""
+    if not all(unsent_mm):
+        return np.ones(max(t_s.size - 1, 0), bool)
+    steps = np.maximum(*(np.abs(np.diff(each)) / step for each, step in zip((x_mm, y_mm), unsent_mm, strict=True)))
+    return np.asarray(steps >= OF_STEPS * np.maximum(np.diff(t_s) / frame_s, 1.0))
 
 
 def with_unchanged(touches: Sequence[TouchTrace]) -> list[TouchTrace]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.gap.streams.stamps import StreamEffect, Streams, nothing_repeats, share_interval
+from draglag.gap.streams.stamps import StreamEffect, Streams, all_sent, nothing_repeats, share_interval
 from draglag.messages import message
 from draglag.recording import Run, TouchTrace
 from draglag.simulation.effects.deadband.stream import deadband_in
@@ -29,24 +29,31 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
     if nothing_repeats(streams.touches) and streams.of(deadband_in) is not None:
         return None, runs  # nothing had changed
     batched = streams.of(batches_in)
-    dropped = drops(streams.touches, 1 if batched is None else round(batched.value))
+    dropped = drops(streams.touches, 1 if batched is None else round(batched.value), streams.unsent_mm)
     if dropped is None or coarse is None:
         return dropped, runs
     low, high = (share * one for share, one in zip((1 - UNSURE, 1 + UNSURE), dropped.ci95, strict=True))
     return replace(dropped, ci95=(low, min(high, 1.0))), runs
 
 
-def drops(touches: list[TouchTrace], together: int = 1) -> StreamEffect | None:
-    """Lost frames, from intervals of several whole frames. together: frames per batch."""
+def drops(
+    touches: list[TouchTrace], together: int = 1, unsent_mm: tuple[float, float] = (0.0, 0.0)
+) -> StreamEffect | None:
+    """Lost frames, from intervals of several whole frames.
+
+    together: frames per batch. unsent_mm: steps of x and y where a frame in which neither changed is not sent; else 0.
+    """
     whole, short = [], 0
     for touch in touches:
-        dt = np.diff(touch.t_s if together == 1 else touch.t_s[ends_of_batches(touch.t_s)])
+        which = np.arange(touch.t_s.size) if together == 1 else ends_of_batches(touch.t_s)
+        dt = np.diff(touch.t_s[which])
         frame_s = float(np.median(dt)) / together
         if frame_s <= 0:
             continue
         dt = dt - (together - 1) * frame_s
         n_frames = np.round(dt / frame_s)
         near = np.abs(dt - n_frames * frame_s) < 0.2 * frame_s
+        near &= all_sent(touch.t_s[which], touch.x_mm[which], touch.y_mm[which], frame_s, unsent_mm)
         # What comes at once after a pause was held back, not lost.
         short += int(np.count_nonzero(near & (n_frames == 0)))
         whole.append(n_frames[near & (n_frames >= 1) & (n_frames <= LONGEST_HOLE)].astype(np.int64))

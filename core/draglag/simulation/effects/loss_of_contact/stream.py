@@ -29,24 +29,24 @@ LEAST_STEPS = 0.5  # of whole coordinates from event to event of a line: with fe
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Filled contact losses, and runs without the filling."""
-    return filled_losses(runs, streams.of(loop_in) is not None, streams.step_mm)
+    return filled_losses(runs, streams.of(loop_in) is not None, streams.steps_mm)
 
 
 def filled_losses(
-    runs: tuple[Run, ...], uneven_ages: bool, resolution_mm: float = 0.0
+    runs: tuple[Run, ...], uneven_ages: bool, steps_mm: tuple[float, float] = (0.0, 0.0)
 ) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """Filled contact losses: straight, evenly spaced stretches that the noise forbids.
 
-    uneven_ages: spacing is no evidence. resolution_mm: of quantised coordinates, whose lines bend.
+    uneven_ages: spacing is no evidence. steps_mm: of quantised x and y, whose lines bend.
     """
     # Drivers fill evenly in time, or by count of events, whose stamps jitter.
-    found = [_filled(runs, uneven_ages, resolution_mm, by_count) for by_count in (False, True)]
+    found = [_filled(runs, uneven_ages, steps_mm, by_count) for by_count in (False, True)]
     effect, repaired = max(found, key=lambda one: 0.0 if one[0] is None else one[0].value)
     return effect, repaired
 
 
 def _filled(
-    runs: tuple[Run, ...], uneven_ages: bool, resolution_mm: float, by_count: bool
+    runs: tuple[Run, ...], uneven_ages: bool, steps_mm: tuple[float, float], by_count: bool
 ) -> tuple[StreamEffect | None, tuple[Run, ...]]:
     """With fills even by count of events, or in time."""
     least = 4 if uneven_ages else 3
@@ -55,17 +55,17 @@ def _filled(
     total_s = 0.0
     out = []
     touches = [replace(run.touch, t_s=_by_count(run.touch.t_s)) if by_count else run.touch for run in runs]
-    usual_bend = _usual_at_speed(touches) if resolution_mm else {}
+    usual_bend = _usual_at_speed(touches) if all(steps_mm) else {}
     for index, run in enumerate(runs):
         out.append(run)
         t = run.touch.t_s
         if t.size < LEAST_EVENTS:
             continue
-        straight = _lines(touches[index], uneven_ages, resolution_mm, usual_bend.get(index), n_events)
+        straight = _lines(touches[index], uneven_ages, np.array(steps_mm), usual_bend.get(index), n_events)
         if straight is None:
             continue
         total_s += float(t[-1] - t[0])
-        fills = _long_enough(_stretches(straight, least), run.touch, resolution_mm)
+        fills = _long_enough(_stretches(straight, least), run.touch, max(steps_mm))
         length_s += [float(t[end + 1] - t[start]) for start, end in fills]
         if fills:
             out[-1] = replace(run, touch=_without(run.touch, fills))
@@ -118,23 +118,24 @@ def _without(touch: TouchTrace, fills: Iterable[tuple[int, int]]) -> TouchTrace:
 
 
 def _lines(
-    touch: TouchTrace, uneven_ages: bool, resolution_mm: float, usual_bend: FloatArray | None, n_events: int
+    touch: TouchTrace, uneven_ages: bool, steps_mm: FloatArray, usual_bend: FloatArray | None, n_events: int
 ) -> np.ndarray | None:
     """Inner events (n − 2,) on lines that noise forbids; None where rounding alone makes lines."""
     off, straight = _straight(touch, uneven_ages)
-    if not resolution_mm or usual_bend is None:
+    if not steps_mm.all() or usual_bend is None:
         return straight
     even = _even(touch.t_s)
-    usual_mm2 = _usual_around(off, even, usual_bend, resolution_mm)
-    exact: np.ndarray = straight & _between_steps(touch, resolution_mm)
-    if np.min(np.percentile(usual_mm2, LEAST_USUAL, axis=1)) < INFORMATIVE * resolution_mm**2 / 8:
+    rounding_mm2 = steps_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
+    usual_mm2 = _usual_around(off, even, usual_bend, rounding_mm2)
+    exact: np.ndarray = straight & _between_steps(touch, steps_mm)
+    if (np.percentile(usual_mm2, LEAST_USUAL, axis=1) < INFORMATIVE * rounding_mm2).any():
         return exact if exact.any() else None  # where a slow path stays on one step, anything whole is a line
-    return exact if uneven_ages else exact | _likelier_lines(off, usual_mm2, even, resolution_mm, n_events)
+    return exact if uneven_ages else exact | _likelier_lines(off, usual_mm2, even, rounding_mm2, n_events)
 
 
-def _between_steps(touch: TouchTrace, resolution_mm: float) -> np.ndarray:
+def _between_steps(touch: TouchTrace, steps_mm: FloatArray) -> np.ndarray:
     """Whether inner events (n − 2,) lie between whole steps of the one before: filled after rounding."""
-    steps = np.diff(np.column_stack([touch.x_mm, touch.y_mm]), axis=0)[:-1] / resolution_mm
+    steps = np.diff(np.column_stack([touch.x_mm, touch.y_mm]), axis=0)[:-1] / steps_mm
     return np.asarray((np.abs(steps - np.round(steps)) > WHOLE).any(axis=1))
 
 
@@ -152,13 +153,15 @@ def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndar
     return off, (bend < 0.02 * np.median(bend) + 2e-4) & moving
 
 
-def _usual_around(off_mm: FloatArray, even: FloatArray, at_speed_mm2: FloatArray, resolution_mm: float) -> FloatArray:
+def _usual_around(
+    off_mm: FloatArray, even: FloatArray, at_speed_mm2: FloatArray, rounding_mm2: FloatArray
+) -> FloatArray:
     """Mean square bend (2, n) mm² around each inner event."""
     from scipy.ndimage import uniform_filter1d
 
     of_even = uniform_filter1d(off_mm**2 * even, AROUND, axis=1)
     usual_mm2 = np.maximum(of_even / np.maximum(uniform_filter1d(even, AROUND), 1 / AROUND), 1e-12)
-    return np.asarray(np.minimum(usual_mm2, np.maximum(at_speed_mm2, resolution_mm**2 / 8)))
+    return np.asarray(np.minimum(usual_mm2, np.maximum(at_speed_mm2, rounding_mm2[:, None])))
 
 
 def _stretches(straight: np.ndarray, least: int) -> list[tuple[int, int]]:
@@ -208,10 +211,10 @@ def _even(t_s: np.ndarray) -> np.ndarray:
 
 
 def _likelier_lines(
-    off_mm: np.ndarray, usual_mm2: np.ndarray, even: np.ndarray, resolution_mm: float, n_events: int
+    off_mm: np.ndarray, usual_mm2: np.ndarray, even: np.ndarray, rounding_mm2: FloatArray, n_events: int
 ) -> np.ndarray:
     """Events (n,) in stretches that rounded lines fit better."""
-    rounding = resolution_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
+    rounding = rounding_mm2[:, None]
     gain = (0.5 * (np.log(usual_mm2 / rounding) - off_mm**2 * (1 / rounding - 1 / usual_mm2))).sum(axis=0)
     gain *= INDEPENDENT * even
     enough = np.log(n_events / BY_CHANCE)

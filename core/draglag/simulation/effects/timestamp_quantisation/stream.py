@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from draglag.gap.streams.stamps import CROWDED, FAST_MM_S, StreamEffect, Streams, counted_out
+from draglag.gap.streams.stamps import CROWDED, FAST_MM_S, StreamEffect, Streams, all_sent, counted_out
 from draglag.messages import message
 from draglag.recording import FloatArray, Run, TouchTrace
 from draglag.simulation.effects.frame_batching.stream import batches_in
@@ -25,12 +25,17 @@ def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None
 def clock_in(streams: Streams) -> StreamEffect | None:
     """Coarse clock, unless by polls or batches."""
     other = streams.of(polls_in) is not None or streams.of(batches_in) is not None
-    return None if other else coarse_clock(streams.touches)
+    return None if other else coarse_clock(streams.touches, streams.unsent_mm)
 
 
-def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
-    """Coarse clock: stamps are multiples of a quantum while intervals vary."""
-    intervals = np.concatenate([np.diff(t.t_s) for t in touches])
+def coarse_clock(touches: list[TouchTrace], unsent_mm: tuple[float, float] = (0.0, 0.0)) -> StreamEffect | None:
+    """Coarse clock: stamps are multiples of a quantum while intervals vary.
+
+    unsent_mm: steps of x and y where a frame in which neither changed is not sent; else 0.
+    """
+    intervals = np.concatenate([_of_sent(touch, unsent_mm) for touch in touches])
+    if not intervals.size:
+        return None
     at_once = bool(np.mean(intervals < 1e-4) > CROWDED)
     quantum_s = _smallest_gap_s(intervals, at_once)
     typical = float(np.mean(intervals))
@@ -59,6 +64,12 @@ def coarse_clock(touches: list[TouchTrace]) -> StreamEffect | None:
         share,
         undone=not missing,  # which frame a stamp is of is then not sure
     )
+
+
+def _of_sent(touch: TouchTrace, unsent_mm: tuple[float, float]) -> FloatArray:
+    """Intervals without those in which frames may not have been sent."""
+    dt = np.diff(touch.t_s)
+    return np.asarray(dt[all_sent(touch.t_s, touch.x_mm, touch.y_mm, float(np.median(dt)), unsent_mm)])
 
 
 def _smallest_gap_s(intervals: FloatArray, at_once: bool) -> float | None:
