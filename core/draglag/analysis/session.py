@@ -172,8 +172,8 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
         found = estimate_on_clock(
             run, session.clocks, session.stylus.diameter_mm, options.estimator, options.update_rate_hz, window_s
         )
-        known = with_stamps(with_systematics(found, correct=options.estimator != "paper"), reach_s)
-        return with_conduct(known, run)
+        known = with_systematics(found, correct=options.estimator != "paper")
+        return with_conduct(with_stamps(known, max(reach_s, stamps_reach_s([run.touch.t_s]))), run)
 
     estimates = []
     for k, run in enumerate(steady):

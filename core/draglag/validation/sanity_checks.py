@@ -130,12 +130,14 @@ def width_findings(check: WidthCheck | None, runs: Sequence[RunEstimate]) -> lis
 
 
 def width_check(runs: Sequence[RunEstimate], known_mm: float) -> WidthCheck | None:
-    """Mean width over runs, its interval from their scatter; None with fewer than two."""
-    widths = np.array([run.stylus_diameter_mm for run in runs if run.stylus_diameter_mm is not None], float)
-    widths = widths[np.isfinite(widths)]
-    if widths.size < 2:
+    """Mean width over runs, its interval from their scatter, or of one run from its noise; None without a width."""
+    known = [(run.stylus_diameter_mm, run.stylus_diameter_se_mm or 0.0) for run in runs if run.stylus_diameter_mm]
+    widths, errors = np.array(known, float).reshape(-1, 2).T
+    widths, errors = widths[np.isfinite(widths)], errors[np.isfinite(widths)]
+    if not widths.size:
         return None
-    mean, half = float(widths.mean()), 1.96 * float(widths.std(ddof=1) / np.sqrt(widths.size))
+    se = float(widths.std(ddof=1) / np.sqrt(widths.size)) if widths.size > 1 else float(errors[0])
+    mean, half = float(widths.mean()), 1.96 * se
     return WidthCheck(int(widths.size), mean, (mean - half, mean + half), known_mm)
 
 

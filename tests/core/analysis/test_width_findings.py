@@ -27,6 +27,16 @@ def test_the_right_diameter_is_no_finding() -> None:
     assert findings(DIAMETER_MM) == []
 
 
+def test_a_single_run_is_compared_with_the_ruler_too() -> None:
+    """Its positions across the beam are half of what they should be, as on a wrongly calibrated touchscreen."""
+    session, _ = make_session(5, "double", 10.0)
+    run = session.runs[2]
+    small = replace(run, touch=replace(run.touch, y_mm=0.5 * run.touch.y_mm))
+    said = {one.id: analyze(replace(session, runs=(one,))).warnings for one in (run, replace(small, id="small"))}
+    assert [text for text in said[run.id] if "by ruler" in text] == []
+    assert [text for text in said["small"] if "by ruler" in text] != []
+
+
 def test_one_run_of_another_width_is_named() -> None:
     """One run's touch positions across the beam are stretched by a third: its lines lie 2.3 mm further apart."""
     session, _ = make_session(6, "constant", 10.0)

@@ -37,6 +37,13 @@ def test_latencies_lie_in_the_intervals_that_coarse_stamps_leave(sound: Session,
     assert inside >= len(known) - 2  # of intervals of 95 %, three of thirteen miss in one case in forty
 
 
+def test_one_run_on_coarse_stamps_shows_them_among_others_on_fine_ones(sound: Session) -> None:
+    one = sound.runs[1]
+    coarse = replace(one, touch=replace(one.touch, t_s=np.floor(one.touch.t_s / 0.001) * 0.001))
+    found = analyze(replace(sound, runs=tuple(coarse if run is one else run for run in sound.runs)))
+    assert [run.id for run in found.runs if COARSE in run.flags] == [one.id]
+
+
 def test_even_frames_of_which_some_are_missing_are_no_grid_of_stamps() -> None:
     t_s = 0.0075 * np.flatnonzero(np.random.default_rng(3).random(3000) > 0.03)
     assert stamps_reach_s([t_s]) == 0.0
