@@ -14,6 +14,7 @@ from draglag.errors import DataError, EstimateError
 from draglag.instruments.clocks import remapped
 from draglag.instruments.taps import TapSummary, summarise_taps
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
+from draglag.latency.batched import batch_warnings
 from draglag.latency.budget import common_delay_u_s
 from draglag.latency.conduct import gives_point, recorded_again, why_excluded, with_conduct
 from draglag.latency.estimate import WINDOW_S, prepare
@@ -197,8 +198,8 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     problems += trouble
     width = width_check(estimates, session.stylus.diameter_mm)
     warnings = [*warnings_of(session, standing, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
-    warnings += axes_or_light(steady, estimates, session.stylus.diameter_mm)
-    warnings += [*changing_warnings(session.runs), *off_screen(session.screen, session.runs)]
+    warnings += [*axes_or_light(steady, estimates, session.stylus.diameter_mm), *changing_warnings(session.runs)]
+    warnings += [*batch_warnings(session.runs), *off_screen(session.screen, session.runs)]
     warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
     on_progress(1.0, "done")
     return Analysis(
