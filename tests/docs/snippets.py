@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 _FENCE = re.compile(r"^```(?P<language>\w+)[^\n]*\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
 # Programs of other languages: what runs a file of it, and how its name ends.
 PROGRAMS = {
-    "octave": (["octave-cli", "--quiet", "--no-init-file"], ".m"),
+    "octave": (["octave-cli", "--quiet", "--no-init-file", "--no-history"], ".m"),
     "r": (["Rscript", "--vanilla"], ".R"),
     "matlab": (["matlab", "-batch"], ".m"),
 }
