@@ -61,7 +61,7 @@ def read_table(path: Path, columns: Sequence[str], switches: Sequence[str] = ())
         )
     if not body.strip():
         return np.empty((0, len(columns)))
-    wanted = [names.index(name) for name in columns]
+    wanted = [_place(path, 1, names, name) for name in columns]
     try:
         values = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None)
     except ValueError:
@@ -76,7 +76,7 @@ def _by_cell(
     path: Path, text: str, names: Sequence[str], columns: Sequence[str], switches: Sequence[str]
 ) -> NDArray[np.float64]:
     """As ``read_table``, of cells that may be missing, in quotes, or of text in columns that are not asked for."""
-    wanted = [(name, names.index(name)) for name in columns]
+    wanted = [(name, _place(path, 1, names, name)) for name in columns]
     values = array("d")
     rows = _rows(path, _filled(text), ",", '"' in text)
     next(rows)
@@ -117,7 +117,7 @@ def read_events(
     text = _text(path)
     between = _separator(text)
     rows = _rows(path, _filled(text, notes=True), between, '"' in text)
-    _, head = next(rows, (1, [""]))
+    first, head = next(rows, (1, [""]))
     names = [_bare(name) for name in head]
     missing = [name for name in columns if name not in names]
     if missing:
@@ -126,7 +126,7 @@ def read_events(
             message("Head the columns {columns}", columns=",".join(columns)),
         )
     there = [name for name in perhaps if name in names]
-    wanted = [(names.index(name), name in switches) for name in (*columns, *there)]
+    wanted = [(_place(path, first, names, name), name in switches) for name in (*columns, *there)]
     values = array("d")
     for number, cells in rows:
         if len(cells) != len(names):
@@ -189,6 +189,17 @@ def _names(head: str, between: str) -> list[str]:
 
 def _bare(cell: str) -> str:
     return cell.strip().strip('"').strip()
+
+
+def _place(path: Path, line: int, names: Sequence[str], name: str) -> int:
+    """Where the column of that name stands. Raises DataError where two have it."""
+    if names.count(name) > 1:
+        raise DataError(
+            message("{path}, line {line}: there are {n} columns {column}", path=path, line=line, n=names.count(name),
+                    column=name),
+            "Give each column a name of its own",
+        )  # fmt: skip
+    return names.index(name)
 
 
 def _wrong_cells(path: Path, line: int, names: Sequence[str], found: int) -> DataError:

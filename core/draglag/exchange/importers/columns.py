@@ -52,6 +52,8 @@ def parse_map(texts: Iterable[str]) -> ColumnMap:
     streams: dict[str, str] = {}
     for text in texts:
         key, equals, value = text.partition("=")
+        if key in {*columns, *shift_s, *streams}:
+            raise DataError(message("--map {text}: {key} is mapped twice", text=text, key=key), "Map each key once")
         if key in CLOCKS:
             shift_s[key] = _seconds(text, value)
             continue
