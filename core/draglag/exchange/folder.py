@@ -27,6 +27,7 @@ from draglag.exchange.results import write_results
 from draglag.exchange.streams import read_laser, read_taps, read_touch
 from draglag.exchange.tables import write_table
 from draglag.messages import message
+from draglag.reading.contacts import at_once
 from draglag.reading.limits import HEADER_BYTES
 from draglag.reading.off_screen import off_screen
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
@@ -88,7 +89,7 @@ def _run(folder: Path, part: RunPart) -> Run:
     laser, more = read_laser(*find_pair(folder, part.id, "laser"), part.as_recorded)
     said += more
     touch, laser, display, more = run_extras(folder, part, touch, laser)
-    said += more
+    said += [*more, *at_once(touch)]
     times = np.concatenate([touch.t_s, laser.t_s])
     start_s, duration_s = part.start_s, part.duration_s
     if start_s is None:

@@ -106,13 +106,18 @@ def column_names(path: Path) -> tuple[str, ...]:
 
 
 def read_events(
-    path: Path, columns: Sequence[str], perhaps: Sequence[str] = (), switches: Sequence[str] = ()
+    path: Path,
+    columns: Sequence[str],
+    perhaps: Sequence[str] = (),
+    switches: Sequence[str] = (),
+    names_in: Sequence[str] = (),
 ) -> NDArray[np.float64]:
     """The named columns, (n, columns and perhaps), of another program's CSV; NaN for cells without a number.
 
-    perhaps: further columns, NaN where the file has none of that name. switches: as for ``read_table``.
+    perhaps: further columns, NaN where the file has none of that name. switches: as for ``read_table``. names_in: those
+    of the columns that hold names; where one is no number, each is numbered from 0 in their order.
 
-    Lines beginning with # are skipped. Separators: commas, tabs, or semicolons with decimal commas. Raises DataError.
+    Lines beginning with # are skipped. Separators: commas, or tabs or semicolons with decimal commas. Raises DataError.
     """
     text = _text(path)
     between = _separator(text)
@@ -127,12 +132,19 @@ def read_events(
         )
     there = [name for name in perhaps if name in names]
     wanted = [(_place(path, first, names, name), name in switches) for name in (*columns, *there)]
+    named = {k: Names() for k, name in enumerate((*columns, *there)) if name in names_in}
+    comma = between != ","
     values = array("d")
     for number, cells in rows:
         if len(cells) != len(names):
             raise _wrong_cells(path, number, names, len(cells))
-        values.extend(_number(cells[place], comma=between == ";", switch=switch) for place, switch in wanted)
+        values.extend(
+            named[k].code(cells[place]) if k in named else _number(cells[place], comma, switch)
+            for k, (place, switch) in enumerate(wanted)
+        )
     read = np.array(values).reshape(-1, len(wanted))
+    for k, seen in named.items():
+        read[:, k] = seen.numbers(comma)[read[:, k].astype(int)]
     table = np.full((len(read), len(columns) + len(perhaps)), np.nan)
     table[:, [*range(len(columns)), *(len(columns) + perhaps.index(name) for name in there)]] = read
     return table
@@ -214,6 +226,25 @@ def _wrong_cells(path: Path, line: int, names: Sequence[str], found: int) -> Dat
         ),
         "Correct or remove that line",
     )
+
+
+class Names:
+    """Distinct texts of a column."""
+
+    def __init__(self) -> None:
+        self._codes: dict[str, int] = {}
+
+    def code(self, cell: str) -> int:
+        """Place of the cell's text among the distinct ones."""
+        return self._codes.setdefault(_bare(cell), len(self._codes))
+
+    def numbers(self, comma: bool) -> NDArray[np.float64]:
+        """The number of each code, NaN for a missing one: what the texts say, or 0, 1, 2 … where one says none."""
+        there = np.array([text.lower() not in MISSING for text in self._codes], bool)
+        said = np.array([_number(text, comma) for text in self._codes])
+        if np.isnan(said[there]).any():
+            said[there] = np.arange(there.sum())
+        return said
 
 
 def _number(cell: str, comma: bool = False, switch: bool = False) -> float:

@@ -26,6 +26,7 @@ from draglag.exchange.importers.xdf import read_xdf
 from draglag.exchange.tables import column_names
 from draglag.messages import message
 from draglag.reading import plain_lines
+from draglag.reading.contacts import at_once
 from draglag.reading.limits import SIZE_MM, SIZE_PX
 from draglag.reading.off_screen import off_screen
 from draglag.recording import LaserTrace, LogEntry, Run, Screen, Session, Stylus, TouchTrace, empty_laser
@@ -158,6 +159,7 @@ def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, l
         laser = _read_laser(laser_file, how.map, said)
     if touch.dropped:
         said.append(f"{touch.dropped} touch events are lost or could not be read")
+    said += at_once(touch)
     return *_on_one_clock(path, touch, laser or empty_laser(), how.map), screen, said
 
 
