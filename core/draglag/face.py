@@ -40,9 +40,9 @@ def read(path: str | Path) -> Session:
     """
     path = path_of(path)
     if path.is_dir() or path.name == "session.json":
-        from draglag.exchange import read_exchange
+        from draglag.exchange import read_exchange, session_folder
 
-        return read_exchange(path if path.is_dir() else path.parent)
+        return read_exchange(session_folder(path))
     from draglag.store import read_session
 
     return read_session(path)

@@ -77,6 +77,7 @@ Call = Callable[[dl.Session, dl.CurveFit], object]
         (lambda s, c: dl.model_of(c, effects=5), "effects have no size."),
         (lambda s, c: dl.model_of(c, 5), "expected a provenance, found int. Leave it out, or give that of another"),
         (lambda s, c: dl.read("a\0b"), "'a\\x00b': cannot be the name of a file. Check the name."),
+        (lambda s, c: dl.read("."), ".: holds no session. Name a session file (.h5), or a folder that"),
         (lambda s, c: c.plot(5), "expected axes, found int. Give axes of matplotlib, or none."),
         (lambda s, c: c.predict_s(-5), "a speed of -5 mm/s is below 0. Give speeds from 0 mm/s on."),
         (lambda s, c: c.band_s([10, -5]), "a speed of -5 mm/s is below 0."),

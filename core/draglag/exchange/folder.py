@@ -39,6 +39,17 @@ from draglag.system.temporary import temporary_for
 _SLACK_S = 5.0
 
 
+def session_folder(path: Path) -> Path:
+    """The exchange folder that a folder, or its ``session.json``, stands for. Raises DataError where it is none."""
+    folder = path if path.is_dir() else path.parent
+    if folder.is_dir() and not (folder / "session.json").exists():
+        raise DataError(
+            message("{path}: holds no session", path=path),
+            "Name a session file (.h5), or a folder that holds session.json",
+        )
+    return folder
+
+
 def read_exchange(folder: Path | str) -> Session:
     """The session of a folder, all times on one host clock, not relative to the run.
 
