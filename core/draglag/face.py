@@ -274,7 +274,7 @@ def model_of(
 ) -> LatencyModel:
     """The model of a fitted curve.
 
-    ``effects``: id and sizes of each, as in ``[("clock_drift", {"drift_ppm": 60.0})]``. Raises DataError for anything
+    ``effects``: id and sizes of each, as in ``[(id, {"across_s": 0.002})]``. Raises DataError for anything
     else, for an unknown effect and for one without a size.
 
     >>> import draglag as dl
