@@ -15,15 +15,18 @@ if TYPE_CHECKING:
         export,
         find_gap,
         fit_curve,
+        load_model,
+        model_of,
         protocol_names,
         read,
+        save_model,
         screen_names,
         simulate,
         write,
         write_report,
     )
     from draglag.gap.results import GapReport
-    from draglag.model.file import LatencyModel, load_model, model_of, save_model
+    from draglag.model.file import LatencyModel
     from draglag.recording import Run, Session
 
     __version__: str
@@ -44,11 +47,11 @@ _HOMES = {
     "export": "face",
     "find_gap": "face",
     "fit_curve": "face",
-    "load_model": "model.file",
-    "model_of": "model.file",
+    "load_model": "face",
+    "model_of": "face",
     "protocol_names": "face",
     "read": "face",
-    "save_model": "model.file",
+    "save_model": "face",
     "screen_names": "face",
     "simulate": "face",
     "write": "face",

@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from operator import index
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from draglag.analysis import Analysis, AnalysisOptions
 from draglag.analysis import analyze as analyze_session
-from draglag.curve import CurveFit, CurvePoints, fit_best, fit_form
+from draglag.analysis.arguments import checked_options, kept_runs_of, of_session
+from draglag.arguments import names_of, other, path_of, whole_in
+from draglag.curve import CurveFit, fit_best, fit_form
+from draglag.curve.arguments import numbers_of as _numbers
+from draglag.curve.arguments import points_of
 from draglag.errors import DataError, EstimateError
 from draglag.latency.estimate import WINDOW_S
-from draglag.messages import Message, joined, message
-from draglag.reading.limits import WHOLE_MOST
-from draglag.recording import FloatArray, Session
+from draglag.messages import joined, message
+from draglag.recording import Session
 
-LONGEST_S = 5.0  # more is no drag latency: ms were given
+MOST_ADDED = 20  # effects of one search, as ``draglag gap --max-effects`` has it
 
 if TYPE_CHECKING:
     from draglag.curve.compare import CurveDifference
     from draglag.gap.results import GapReport
     from draglag.model.compensation import Compensated
-    from draglag.model.file import LatencyModel
+    from draglag.model.file import LatencyModel, ModelEffect, Provenance
     from draglag.simulation.effects import Effect
 
 
@@ -38,11 +38,11 @@ def read(path: str | Path) -> Session:
     >>> len(session.runs), session.screen.name
     (15, 'A 23in')
     """
-    path = _path(path)
+    path = path_of(path)
     if path.is_dir() or path.name == "session.json":
-        from draglag.exchange import read_exchange
+        from draglag.exchange import read_exchange, session_folder
 
-        return read_exchange(path if path.is_dir() else path.parent)
+        return read_exchange(session_folder(path))
     from draglag.store import read_session
 
     return read_session(path)
@@ -57,7 +57,7 @@ def write(session: Session, path: str | Path) -> Path:
     """
     from draglag.store import write_session
 
-    return write_session(_session(session), _path(path))
+    return write_session(_session(session), path_of(path))
 
 
 def analyze(
@@ -82,7 +82,8 @@ def analyze(
         exclude: run id → reason. include: ids of runs to keep although they went wrong, or "all".
         stylus_mm: diameter of the stylus, where the session was recorded with a wrong one.
 
-    Runs without a latency carry flags. Raises EstimateError for an unknown name, DataError for what is no session.
+    Runs without a latency carry flags. Raises EstimateError for an unknown name, DataError for what is no session, for
+    an unknown run, and for a number beyond ``draglag.analysis.arguments``.
 
     >>> import draglag as dl
     >>> analysis = dl.analyze(dl.read("session.h5"))
@@ -96,13 +97,18 @@ def analyze(
     >>> axes.get_xlabel()
     'drag speed, mm/s'
     """
-    if not isinstance(exclude, Mapping | None):
-        raise DataError("exclude names runs without a reason", 'Give one for each, as in exclude={"run-01": "slipped"}')
-    kept = frozenset([include] if isinstance(include, str) else include)
+    given = _session(session)
     options = AnalysisOptions(
-        estimator, update_rate_hz, window_s, form, tie_asymptote, dict(exclude or {}), kept, stylus_mm
+        estimator,
+        update_rate_hz,
+        window_s,
+        form,
+        tie_asymptote,
+        {} if exclude is None else exclude,
+        include,  # type: ignore[arg-type]  # made a set of names with the rest
+        stylus_mm,
     )
-    return analyze_session(_session(session), options)
+    return analyze_session(given, checked_options(given, options))
 
 
 def find_gap(
@@ -115,10 +121,11 @@ def find_gap(
     """Where a session disagrees with the model, by which effects, how probably, and what remains.
 
     Args:
-        max_effects: effects to add at most; None: as many as ``draglag gap`` adds.
-        without: ids of effects not to name. include: ids of runs to keep although they went wrong.
+        max_effects: effects to add at most, up to 20; None: as many as ``draglag gap`` adds.
+        without: ids of effects not to name. include: ids of runs to keep although they went wrong, or "all".
 
-    With too few data there is no verdict, and ``missing`` says why. Raises DataError for what is no session.
+    With too few data there is no verdict, and ``missing`` says why. Raises DataError for what is no session, and for an
+    unknown effect or run.
 
     >>> import draglag as dl
     >>> report = dl.find_gap(dl.read("session.h5"))
@@ -129,9 +136,10 @@ def find_gap(
     from draglag.gap.workflow import close_gap
     from draglag.simulation.effects import EFFECTS, known_effects
 
-    known_effects(without)
-    most = MOST_EFFECTS if max_effects is None else max_effects
-    return close_gap(_session(session), most, [e for e in EFFECTS if e not in without], None, include)
+    given = _session(session)
+    most = MOST_EFFECTS if max_effects is None else whole_in("max_effects", max_effects, 0, MOST_ADDED)
+    left_out = known_effects(names_of("without", without))
+    return close_gap(given, most, [e for e in EFFECTS if e not in left_out], None, kept_runs_of(given, include))
 
 
 def simulate(
@@ -153,14 +161,12 @@ def simulate(
     >>> dl.simulate("screen-1", seed=3).runs[0].protocol
     'circle'
     """
+    from draglag.simulation.arguments import effects_of, preset_of, seed_of
     from draglag.simulation.chain import simulate_session
-    from draglag.simulation.effects import Effect, parse_effects
 
-    if isinstance(effects, Mapping):
-        effects = parse_effects(f"{name}={_size(name, value)!r}" for name, value in effects.items())
-    elif isinstance(effects, str) or not all(isinstance(effect, Effect) for effect in effects):
-        raise DataError("effects have no size", "Give one for each, as in effects={name: size}")
-    return simulate_session(screen, protocol, effects=effects, seed=_seed(seed))
+    panel = preset_of(screen, message("the name of a screen"))
+    drawn = preset_of(protocol, message("the name of a protocol"))
+    return simulate_session(panel, drawn, effects=effects_of(effects), seed=seed_of(seed))
 
 
 def screen_names() -> list[str]:
@@ -197,8 +203,8 @@ def fit_curve(
     """The curve of latency against speed through given points, (n,) each.
 
     ``form``: "best" or a name of ``draglag.curve.FORMS``. Raises DataError for arrays of different length, speeds and
-    standard errors that are not above 0, and latencies that are no numbers or above 5 s; EstimateError with too few
-    speeds or an unknown form.
+    standard errors that are not above 0, latencies that are no numbers, above 5 s or all below 0, and speeds of 5 mm/s
+    at most (m/s were given); EstimateError with too few speeds or an unknown form.
 
     >>> import draglag as dl
     >>> speed = [40, 80, 150, 250, 400, 600, 800, 1000]
@@ -209,12 +215,12 @@ def fit_curve(
     """
     from draglag.curve import FORMS
 
-    points = _points(speed_mm_s, latency_s, se_s)
     if form != "best" and form not in FORMS:
         raise EstimateError(
             message("unknown curve form {form}", form=repr(form)),
             message("Use best or one of {forms}", forms=", ".join(FORMS)),
         )
+    points = points_of(speed_mm_s, latency_s, se_s)
     return fit_best(points) if form == "best" else fit_form(points, form)
 
 
@@ -261,6 +267,53 @@ def compensate(
     return compensate_events(t, x, y, model.latency_s, model.speed_range_mm_s)
 
 
+def model_of(
+    curve: CurveFit,
+    provenance: Provenance | None = None,
+    effects: Sequence[tuple[str, Mapping[str, float]] | ModelEffect] = (),
+) -> LatencyModel:
+    """The model of a fitted curve.
+
+    ``effects``: id and sizes of each, as in ``[(id, {"across_s": 0.002})]``. Raises DataError for anything
+    else, for an unknown effect and for one without a size.
+
+    >>> import draglag as dl
+    >>> model = dl.model_of(dl.analyze(dl.read("session.h5")).curve)
+    >>> bool(0.13 < model.latency_s(50.0) < 0.15)
+    True
+    """
+    from draglag.model.file import ModelEffect, Provenance
+    from draglag.model.file import model_of as made_of
+    from draglag.simulation.arguments import sized_effects
+
+    if not isinstance(provenance, Provenance | None):
+        raise other(message("a provenance"), provenance, message("Leave it out, or give that of another model"))
+    return made_of(curve, provenance, sized_effects(effects, ModelEffect))
+
+
+def save_model(model: LatencyModel, path: str | Path) -> None:
+    """Write a model as JSON. Raises DataError if the file exists or cannot be written, and for what is no model.
+
+    >>> import draglag as dl
+    >>> dl.save_model(dl.model_of(dl.analyze(dl.read("session.h5")).curve), "saved.json")
+    """
+    from draglag.model.file import save_model as save
+
+    save(model, path_of(path))
+
+
+def load_model(path: str | Path) -> LatencyModel:
+    """A model from its file. Raises DataError.
+
+    >>> import draglag as dl
+    >>> dl.load_model("model.json").form
+    'double_exponential'
+    """
+    from draglag.model.file import load_model as load
+
+    return load(path_of(path))
+
+
 def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "netcdf", "mat"] = "csv") -> Path:
     """The folder or file written for other programs. Raises DataError; nothing is overwritten.
 
@@ -280,12 +333,14 @@ def export(session: Session, path: str | Path, to: Literal["exchange", "csv", "n
         raise DataError(
             message("unknown format {to}", to=repr(to)), message("Use one of {formats}", formats=", ".join(writers))
         )
-    writers[to](_session(session), _path(path))
+    writers[to](_session(session), path_of(path))
     return Path(path)
 
 
 def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Path:
-    """The page ``report.html``, with its figures. Raises DataError; DraglagError without matplotlib.
+    """The page ``report.html``, with its figures.
+
+    Raises DataError, also for the analysis of another session; DraglagError without matplotlib.
 
     >>> import draglag as dl
     >>> session = dl.read("session.h5")
@@ -297,80 +352,25 @@ def write_report(session: Session, analysis: Analysis, folder: str | Path) -> Pa
 
     need("matplotlib")
     if not isinstance(analysis, Analysis):
-        raise _other(message("an analysis"), analysis, message("Analyse the session first: dl.analyze(session)"))
-    return write(_session(session), analysis, _path(folder))
-
-
-def _other(wanted: Message, found: object, remedy: Message) -> DataError:
-    return DataError(message("expected {wanted}, found {found}", wanted=wanted, found=type(found).__name__), remedy)
+        raise other(message("an analysis"), analysis, message("Analyse the session first: dl.analyze(session)"))
+    of_session(_session(session), analysis)
+    return write(session, analysis, path_of(folder))
 
 
 def _session(given: object) -> Session:
     if not isinstance(given, Session):
-        raise _other(message("a session"), given, message("Read it first: dl.read(path)"))
+        raise other(message("a session"), given, message("Read it first: dl.read(path)"))
     return given
-
-
-def _path(given: object) -> Path:
-    if not isinstance(given, str | PathLike):
-        raise _other(message("the path of a file"), given, message("Give it as a text"))
-    return Path(given)
 
 
 def _curve(of: object) -> CurveFit:
     if isinstance(of, CurveFit):
         return of
     if isinstance(of, Session):
-        raise _other(message("an analysis or a curve"), of, message("Analyse it first: dl.analyze(session)"))
+        raise other(message("an analysis or a curve"), of, message("Analyse it first: dl.analyze(session)"))
     if not isinstance(of, Analysis):
         remedy = message("Read it first: dl.analyze(dl.read(path)), or dl.load_model(path) for dl.compensate")
-        raise _other(message("an analysis or a curve"), of, remedy)
+        raise other(message("an analysis or a curve"), of, remedy)
     if of.curve is None:
         raise EstimateError(message("{session}: there is no curve", session=of.session), joined("; ", of.problems))
     return of.curve
-
-
-def _numbers(given: ArrayLike) -> FloatArray:
-    try:
-        return np.asarray(given, float)
-    except (TypeError, ValueError):
-        raise _other(message("numbers"), given, message("Give an array of numbers")) from None
-
-
-def _points(speed_mm_s: ArrayLike, latency_s: ArrayLike, se_s: ArrayLike) -> CurvePoints:
-    speed, latency = (np.atleast_1d(_numbers(values)) for values in (speed_mm_s, latency_s))
-    se = _numbers(se_s)
-    if speed.shape != latency.shape or speed.ndim != 1 or se.shape not in ((), (1,), speed.shape):
-        raise DataError("speeds, latencies and their errors differ in number", "Give one latency for each speed")
-    for name, values, sound, wanted in (
-        ("speed_mm_s", speed, (speed > 0) & np.isfinite(speed), message("above 0 mm/s")),
-        ("latency_s", latency, np.abs(latency) <= LONGEST_S, message("in seconds, {most:g} at most", most=LONGEST_S)),
-        ("se_s", np.atleast_1d(se), np.atleast_1d((se > 0) & np.isfinite(se)), message("above 0 s")),
-    ):
-        if not sound.all():
-            found = float(values[~sound][0])
-            raise DataError(
-                message("{name} holds {found:g}", name=name, found=found),
-                message("Give numbers {wanted}", wanted=wanted),
-            )
-    return CurvePoints(speed, latency, np.broadcast_to(se, speed.shape).copy())
-
-
-def _size(effect: str, value: object) -> float:
-    try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise DataError(
-            message("effect {effect}: {value} is not a number", effect=effect, value=repr(value)),
-            "Give its size as a number",
-        ) from None
-
-
-def _seed(given: object) -> int:
-    try:
-        seed = index(given)  # type: ignore[arg-type]
-    except TypeError:
-        seed = -1
-    if not 0 <= seed <= WHOLE_MOST:
-        raise DataError(message("{seed} is no seed", seed=repr(given)), "Give a whole number from 0 on")
-    return seed

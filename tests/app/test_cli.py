@@ -136,6 +136,7 @@ def test_what_exists_is_not_overwritten(tmp_path: Path, session_file: Path, argu
         (("analyze", __file__), "not an HDF5 file"),
         (("import", "none", "--out", "s.h5"), "no such folder or file"),
         (("import", Path(__file__).parent, "--out", "s.h5"), "holds no session.json"),
+        (("analyze", Path(__file__).parent), "holds no session. Name a session file (.h5), or a folder that holds ses"),
         (("export", "none.h5", "--to", "csv", "--out", "x"), "no such file"),
         (("simulate", "--screen", "no-screen", "--out", "s.h5"), "no-screen"),
         (("simulate", "--screen", "screen-1", "--effect", "gremlins=1", "--out", "s.h5"), "gremlins"),

@@ -191,3 +191,12 @@ def test_many_screens_are_ranked_and_what_fails_is_listed(tiny: Path, tmp_path: 
     assert [int(row["rank"]) for row in rows] == list(range(1, 13))
     assert all(int(row["rank_low"]) <= int(row["rank"]) <= int(row["rank_high"]) for row in rows)
     assert report.read_text("utf-8").count("<img ") == 2
+
+
+def test_compare_says_of_a_session_without_a_curve_what_to_do(tmp_path: Path) -> None:
+    session = dl.read(SAMPLES / "none-A")
+    for name, kept in (("a", session), ("b", session), ("c", replace(session, runs=session.runs[:1]))):
+        dl.write(replace(kept, name=name), tmp_path / f"{name}.h5")
+    done = CliRunner().invoke(cli, ["compare", *(str(tmp_path / f"{name}.h5") for name in "abc")])
+    lines = [line for line in done.stderr.splitlines() if "c.h5" in line]
+    assert f"{tmp_path / 'c.h5'}: there is no curve. See draglag analyze for the verdict on its runs." in "".join(lines)

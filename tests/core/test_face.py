@@ -90,6 +90,9 @@ def test_notebooks_get_tables_in_which_nothing_is_markup(session: dl.Session, an
     from dataclasses import replace
 
     evil = "<script>alert(1)</script>"
+    difference = dl.compare(analysis, analysis)
+    assert difference._repr_html_().count("<tr>") == difference.speed_mm_s.size + 1
+    assert "95 % band, p = 1" in difference._repr_html_()
     for shown in (replace(session, name=evil), replace(analysis, session=evil), dl.GapReport(evil, None)):
         page = shown._repr_html_()
         assert "<table>" in page

@@ -11,6 +11,7 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions, with_stylus
 from draglag.analysis import analyze as analyze_session
+from draglag.analysis.arguments import LATENCY_S, RATE_HZ, STYLUS_MM
 from draglag.analysis.tables import RUN_COLUMNS
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
@@ -72,7 +73,7 @@ def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> 
 @click.option(
     "--update-rate",
     "update_rate_hz",
-    type=FiniteRange(min=1, max=10000),
+    type=FiniteRange(*RATE_HZ),
     metavar="HZ",
     help="Emulate a loop that holds the last event (the paper: 100). Default: the kernel's own stamps.",
 )
@@ -84,7 +85,7 @@ def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> 
     "--window-ms",
     "window_ms",
     nargs=2,
-    type=FiniteRange(-2000, 5000),
+    type=FiniteRange(1e3 * LATENCY_S[0], 1e3 * LATENCY_S[1]),
     metavar="FROM TO",
     help="Latencies to search. Default: 0 400.",
 )
@@ -95,7 +96,7 @@ def _known_estimator(ctx: click.Context, param: click.Parameter, value: str) -> 
     help="Include a run that is excluded for how it went (aborted, …); may be repeated; all: every run.",
 )
 @click.option("--exclude", multiple=True, metavar="RUN[=WHY]", help="Exclude a run from the curve; may be repeated.")
-@click.option("--stylus-mm", type=FiniteRange(0, 100, min_open=True), metavar="MM",
+@click.option("--stylus-mm", type=FiniteRange(*STYLUS_MM, min_open=True), metavar="MM",
               help="Diameter of the stylus, where another was recorded: latencies hardly depend on it, the check of "
                    "its width and what counts as a bounce of the laser do.")  # fmt: skip
 @click.option("--save-model", type=click.Path(path_type=Path), metavar="FILE.json", help="Write the curve as a model.")

@@ -56,9 +56,9 @@ def load_session(path: Path) -> Session:
 def load_with_state(path: Path) -> tuple[Session, FileState | None]:
     """As ``load_session``, and the state of a session file when it was read."""
     if path.is_dir() or path.name == "session.json":
-        from draglag.exchange import read_exchange
+        from draglag.exchange import read_exchange, session_folder
 
-        session = read_exchange(path if path.is_dir() else path.parent)
+        session = read_exchange(session_folder(path))
         say_warnings(session.notes)
         return session, None
     from draglag.store import read_with_state

@@ -11,6 +11,7 @@ from draglag.curve import CurveFit
 from draglag.curve.compare import CurveDifference
 from draglag.curve.ranking import Ranking
 from draglag.errors import DraglagError, EstimateError
+from draglag.messages import message
 from draglag.provenance import Source, source_of
 from draglag.shown import chance
 from draglag.system.packages import need
@@ -126,10 +127,12 @@ def curve_of(path: Path) -> Found:
             return Found(model.curve, model.source)
         data = load_session(path)
         curve = analyze(data).curve
+        if curve is None:
+            raise EstimateError(
+                message("{path}: there is no curve", path=path), "See draglag analyze for the verdict on its runs"
+            )
     except DraglagError as error:
         return Found(problem=error.problem, remedy=error.remedy)
-    if curve is None:
-        return Found(problem=f"{path}: no curve", remedy="See draglag analyze for the verdict on its runs")
     return Found(curve, source_of(data))
 
 

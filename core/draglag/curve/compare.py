@@ -10,6 +10,7 @@ import numpy as np
 
 from draglag.curve.fit import CurveFit
 from draglag.recording import FloatArray
+from draglag.shown import chance, table_html
 
 SPEEDS_MM_S = (50.0, 75.0, 100.0, 150.0, 200.0, 300.0, 400.0, 600.0, 800.0, 1000.0)
 
@@ -46,6 +47,13 @@ class CurveDifference:
         low, high = self.speed_mm_s[0], self.speed_mm_s[-1]
         rms_ms = 1e3 * float(np.sqrt(np.mean(self.difference_s**2)))
         return f"CurveDifference(RMS {rms_ms:.2f} ms from {low:.0f} to {high:.0f} mm/s, p = {self.p_value:.2g})"
+
+    def _repr_html_(self) -> str:
+        rows = zip(
+            self.speed_mm_s, 1e3 * self.difference_s, 1e3 * self.low_s, 1e3 * self.high_s, strict=True
+        )  # fmt: skip
+        head = ["speed_mm_s", "difference_ms", "low_ms", "high_ms"]
+        return table_html(f"Difference of two curves, 95 % band, {chance(self.p_value)}", head, rows)
 
     def plot(self, ax: Any = None) -> Any:
         """Matplotlib axes with difference and band."""

@@ -8,11 +8,12 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from draglag.curve.forms import FORMS, Form
 from draglag.curve.points import CurvePoints, distinct_speeds
 from draglag.curve.separable import evaluated_ms, jacobian_ms, shown_s, slope_s_per_mm_s, solved
-from draglag.errors import EstimateError
+from draglag.errors import DataError, EstimateError
 from draglag.messages import message, phrase
 from draglag.numerics import student_t
 from draglag.recording import FloatArray
@@ -83,9 +84,9 @@ class CurveFit:
     def _reach(self, level: float) -> float:
         return student_t(max(self.n_points - FORMS[self.form].n_parameters, 1), 0.5 + level / 2)
 
-    def predict_s(self, speed_mm_s: FloatArray) -> FloatArray:
-        """L(v); an extrapolation where not ``inside``."""
-        speed = np.asarray(speed_mm_s, float)
+    def predict_s(self, speed_mm_s: ArrayLike) -> FloatArray:
+        """L(v), s, in the shape of the speeds; an extrapolation where not ``inside``. Raises DataError below 0 mm/s."""
+        speed = _speeds(speed_mm_s)
         return 1e-3 * evaluated_ms(FORMS[self.form], self.values, speed.ravel()).reshape(speed.shape)
 
     def inside(self, speed_mm_s: FloatArray) -> np.ndarray:
@@ -93,9 +94,9 @@ class CurveFit:
         speed = np.asarray(speed_mm_s, float)
         return (speed >= self.speed_range_mm_s[0]) & (speed <= self.speed_range_mm_s[1])
 
-    def band_s(self, speed_mm_s: FloatArray, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
-        """Pointwise confidence band (delta method), low and high."""
-        speed = np.atleast_1d(np.asarray(speed_mm_s, float))
+    def band_s(self, speed_mm_s: ArrayLike, level: float = 0.95) -> tuple[FloatArray, FloatArray]:
+        """Pointwise confidence band (delta method), low and high, s, (n,) each. Raises DataError below 0 mm/s."""
+        speed = np.atleast_1d(_speeds(speed_mm_s))
         form = FORMS[self.form]
         jacobian = jacobian_ms(form, self.values, speed)
         se = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", jacobian, self.covariance, jacobian), 0))
@@ -140,6 +141,14 @@ class CurveFit:
         axes = own_axes(ax)
         draw_curve(axes, self)
         return axes
+
+
+def _speeds(given: ArrayLike) -> FloatArray:
+    speed = np.asarray(given, float)
+    if (below := speed < 0).any():
+        found = message("a speed of {speed:g} mm/s is below 0", speed=speed[below].max())
+        raise DataError(found, "Give speeds from 0 mm/s on")
+    return speed
 
 
 def fit_form(

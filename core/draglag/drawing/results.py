@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from draglag.arguments import other
 from draglag.drawing import style
+from draglag.messages import message
 from draglag.system.packages import need
 
 if TYPE_CHECKING:
@@ -19,9 +21,11 @@ TAP_STYLE = {"touch": (style.VERMILION, "^", "--"), "release": (style.PURPLE, "v
 
 
 def own_axes(axes: Any | None) -> Any:
-    """The axes given, else of a new pyplot figure. Raises DraglagError without matplotlib."""
+    """The axes given, else of a new pyplot figure. Raises DataError for no axes, DraglagError without matplotlib."""
     need("matplotlib")
     if axes is not None:
+        if not hasattr(axes, "fill_between"):
+            raise other(message("axes"), axes, message("Give axes of matplotlib, or none"))
         return axes
     from matplotlib import pyplot
 

@@ -27,6 +27,7 @@ from draglag.exchange.results import write_results
 from draglag.exchange.streams import read_laser, read_taps, read_touch
 from draglag.exchange.tables import write_table
 from draglag.messages import message
+from draglag.reading.contacts import at_once
 from draglag.reading.limits import HEADER_BYTES
 from draglag.reading.off_screen import off_screen
 from draglag.recording import LogEntry, Run, Screen, Session, Stylus, Taps
@@ -36,6 +37,17 @@ from draglag.system.temporary import temporary_for
 
 # A lab may start its recorder a little early or stop it late; beyond this, its times are on another clock.
 _SLACK_S = 5.0
+
+
+def session_folder(path: Path) -> Path:
+    """The exchange folder that a folder, or its ``session.json``, stands for. Raises DataError where it is none."""
+    folder = path if path.is_dir() else path.parent
+    if folder.is_dir() and not (folder / "session.json").exists():
+        raise DataError(
+            message("{path}: holds no session", path=path),
+            "Name a session file (.h5), or a folder that holds session.json",
+        )
+    return folder
 
 
 def read_exchange(folder: Path | str) -> Session:
@@ -88,7 +100,7 @@ def _run(folder: Path, part: RunPart) -> Run:
     laser, more = read_laser(*find_pair(folder, part.id, "laser"), part.as_recorded)
     said += more
     touch, laser, display, more = run_extras(folder, part, touch, laser)
-    said += more
+    said += [*more, *at_once(touch)]
     times = np.concatenate([touch.t_s, laser.t_s])
     start_s, duration_s = part.start_s, part.duration_s
     if start_s is None:

@@ -27,7 +27,7 @@ def write_mat(session: Session, path: Path | str, results: Sequence[StoredAnalys
     """The file for MATLAB and Octave: ``session.runs.run_01.touch.x_mm`` is a column vector,
     ``session.runs.run_01.touch.units.x_mm`` its unit, ``session.analysis.x1`` a stored result.
 
-    ``id`` is a run's true id. Raises DataError, also beyond 4 GiB.
+    ``id`` is a run's true id. Texts beyond ASCII end with blanks (``strtrim``). Raises DataError, also beyond 4 GiB.
     """
     path = Path(path)
     root: dict[str, Any] = {}
@@ -39,15 +39,17 @@ def write_mat(session: Session, path: Path | str, results: Sequence[StoredAnalys
         for depth in range(1, len(names) + 1):
             place = place.setdefault(_field(names[:depth], fields), {})
         if re.fullmatch(r"runs/[^/]+", node.path):
-            place["id"] = node.path.split("/")[1]
+            place["id"] = _text(node.path.split("/")[1])
         for key, value in {**node.attrs, **node.counts, **node.texts}.items():
-            place[_name(key)] = value
+            place[_name(key)] = _text(value) if isinstance(value, str) else value
         if node.table is not None:
-            place["units"] = {_name(column.name): column.units for column in node.table.every()}
+            place["units"] = {_name(column.name): _text(column.units) for column in node.table.every()}
         for key, values in node.rows.items():
             size += values.nbytes
             place[_name(key)] = (
-                np.array([value.decode() for value in values.tolist()], object) if values.dtype.kind == "S" else values
+                np.array([_text(value.decode()) for value in values.tolist()], object)
+                if values.dtype.kind == "S"
+                else values
             )
     try:
         with new_file(path) as growing, growing.open("wb") as file:
@@ -61,6 +63,14 @@ def write_mat(session: Session, path: Path | str, results: Sequence[StoredAnalys
             message("{path}: cannot be written ({why})", path=path, why=cause(error)), "Check the folder and free space"
         ) from error
     return path
+
+
+def _text(text: str) -> str:
+    """The text with a blank for every byte that its UTF-8 has more than it has characters.
+
+    The file counts characters, and Octave reads as many bytes: it would lose the end.
+    """
+    return text + " " * (len(text.encode()) - len(text))
 
 
 def _save(file: IO[bytes], root: dict[str, Any], compress: bool) -> None:

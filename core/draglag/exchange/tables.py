@@ -61,7 +61,7 @@ def read_table(path: Path, columns: Sequence[str], switches: Sequence[str] = ())
         )
     if not body.strip():
         return np.empty((0, len(columns)))
-    wanted = [names.index(name) for name in columns]
+    wanted = [_place(path, 1, names, name) for name in columns]
     try:
         values = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2, comments=None)
     except ValueError:
@@ -76,7 +76,7 @@ def _by_cell(
     path: Path, text: str, names: Sequence[str], columns: Sequence[str], switches: Sequence[str]
 ) -> NDArray[np.float64]:
     """As ``read_table``, of cells that may be missing, in quotes, or of text in columns that are not asked for."""
-    wanted = [(name, names.index(name)) for name in columns]
+    wanted = [(name, _place(path, 1, names, name)) for name in columns]
     values = array("d")
     rows = _rows(path, _filled(text), ",", '"' in text)
     next(rows)
@@ -106,18 +106,23 @@ def column_names(path: Path) -> tuple[str, ...]:
 
 
 def read_events(
-    path: Path, columns: Sequence[str], perhaps: Sequence[str] = (), switches: Sequence[str] = ()
+    path: Path,
+    columns: Sequence[str],
+    perhaps: Sequence[str] = (),
+    switches: Sequence[str] = (),
+    names_in: Sequence[str] = (),
 ) -> NDArray[np.float64]:
     """The named columns, (n, columns and perhaps), of another program's CSV; NaN for cells without a number.
 
-    perhaps: further columns, NaN where the file has none of that name. switches: as for ``read_table``.
+    perhaps: further columns, NaN where the file has none of that name. switches: as for ``read_table``. names_in: those
+    of the columns that hold names; where one is no number, each is numbered from 0 in their order.
 
-    Lines beginning with # are skipped. Separators: commas, tabs, or semicolons with decimal commas. Raises DataError.
+    Lines beginning with # are skipped. Separators: commas, or tabs or semicolons with decimal commas. Raises DataError.
     """
     text = _text(path)
     between = _separator(text)
     rows = _rows(path, _filled(text, notes=True), between, '"' in text)
-    _, head = next(rows, (1, [""]))
+    first, head = next(rows, (1, [""]))
     names = [_bare(name) for name in head]
     missing = [name for name in columns if name not in names]
     if missing:
@@ -126,13 +131,20 @@ def read_events(
             message("Head the columns {columns}", columns=",".join(columns)),
         )
     there = [name for name in perhaps if name in names]
-    wanted = [(names.index(name), name in switches) for name in (*columns, *there)]
+    wanted = [(_place(path, first, names, name), name in switches) for name in (*columns, *there)]
+    named = {k: Names() for k, name in enumerate((*columns, *there)) if name in names_in}
+    comma = between != ","
     values = array("d")
     for number, cells in rows:
         if len(cells) != len(names):
             raise _wrong_cells(path, number, names, len(cells))
-        values.extend(_number(cells[place], comma=between == ";", switch=switch) for place, switch in wanted)
+        values.extend(
+            named[k].code(cells[place]) if k in named else _number(cells[place], comma, switch)
+            for k, (place, switch) in enumerate(wanted)
+        )
     read = np.array(values).reshape(-1, len(wanted))
+    for k, seen in named.items():
+        read[:, k] = seen.numbers(comma)[read[:, k].astype(int)]
     table = np.full((len(read), len(columns) + len(perhaps)), np.nan)
     table[:, [*range(len(columns)), *(len(columns) + perhaps.index(name) for name in there)]] = read
     return table
@@ -191,6 +203,17 @@ def _bare(cell: str) -> str:
     return cell.strip().strip('"').strip()
 
 
+def _place(path: Path, line: int, names: Sequence[str], name: str) -> int:
+    """Where the column of that name stands. Raises DataError where two have it."""
+    if names.count(name) > 1:
+        raise DataError(
+            message("{path}, line {line}: there are {n} columns {column}", path=path, line=line, n=names.count(name),
+                    column=name),
+            "Give each column a name of its own",
+        )  # fmt: skip
+    return names.index(name)
+
+
 def _wrong_cells(path: Path, line: int, names: Sequence[str], found: int) -> DataError:
     return DataError(
         message(
@@ -203,6 +226,25 @@ def _wrong_cells(path: Path, line: int, names: Sequence[str], found: int) -> Dat
         ),
         "Correct or remove that line",
     )
+
+
+class Names:
+    """Distinct texts of a column."""
+
+    def __init__(self) -> None:
+        self._codes: dict[str, int] = {}
+
+    def code(self, cell: str) -> int:
+        """Place of the cell's text among the distinct ones."""
+        return self._codes.setdefault(_bare(cell), len(self._codes))
+
+    def numbers(self, comma: bool) -> NDArray[np.float64]:
+        """The number of each code, NaN for a missing one: what the texts say, or 0, 1, 2 … where one says none."""
+        there = np.array([text.lower() not in MISSING for text in self._codes], bool)
+        said = np.array([_number(text, comma) for text in self._codes])
+        if np.isnan(said[there]).any():
+            said[there] = np.arange(there.sum())
+        return said
 
 
 def _number(cell: str, comma: bool = False, switch: bool = False) -> float:

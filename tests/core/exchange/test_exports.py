@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -64,6 +65,21 @@ def test_stored_results_are_in_every_export(tmp_path: Path) -> None:
     runs = loaded["analysis"]["x1"]["runs"]
     assert (runs["latency_ms"][0], runs["units"]["latency_ms"]) == (70.0, "ms")
     assert loaded["runs"]["run_01"]["touch"]["units"]["x_mm"] == "mm"
+
+
+@pytest.mark.parametrize("name", ["é µ 中 𝄞 Prüfling, whole", "plain"])
+def test_octave_and_scipy_read_every_letter_of_a_text(tmp_path: Path, name: str) -> None:
+    path = write_mat(replace(full_session(), name=name), tmp_path / "s.mat")
+    session = loadmat(path, squeeze_me=True, simplify_cells=True)["session"]
+    assert session["name"].rstrip() == name
+    # Octave takes as many bytes as the file counts characters.
+    assert len(session["name"]) == len(name.encode())
+    if shutil.which("octave-cli") is None:
+        pytest.skip("octave is not installed")
+    said = subprocess.run(
+        ["octave-cli", "--eval", f"load('{path}'); printf('[%s]', strtrim(session.name));"], capture_output=True
+    )
+    assert said.stdout.decode() == f"[{name}]"
 
 
 @pytest.mark.parametrize("write", [write_exchange, write_csv, write_mat, write_netcdf])

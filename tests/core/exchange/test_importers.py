@@ -17,7 +17,7 @@ from draglag.exchange import read_exchange
 from draglag.exchange.importers import HowToRead, format_of, parse_map, read_recordings
 from draglag.exchange.importers.evtest import parse_evtest
 from draglag.exchange.importers.libinput import parse_libinput
-from draglag.recording import LaserTrace, Run, Session, TouchTrace
+from draglag.recording import LaserTrace, Run, Screen, Session, TouchTrace
 from draglag.store import read_session
 from draglag_app.cli.main import cli
 
@@ -107,6 +107,8 @@ def test_a_log_of_input_events_with_a_laser_file_next_to_it_gives_the_latency(
     assert session.screen.name == "A panel"
     assert (session.screen.width_mm, session.screen.height_mm) == (509.2, 286.4)
     assert latency_ms(session) == pytest.approx(latency_ms(measured), abs=0.05)
+    cut = f"{name}: its last line is cut off and left out"
+    assert (cut in [note.text for note in session.notes]) == (write is evtest)
 
 
 def test_the_logs_of_walts_host_tool_are_one_run_with_a_warning_of_their_rounding(
@@ -154,6 +156,18 @@ def test_streams_of_the_lab_streaming_layer_give_the_latency(measured: Session, 
     assert latency_ms(session) == pytest.approx(latency_ms(measured), abs=1e-6)
     with pytest.raises(DataError, match=r"no stream of touch; it has eeg \(Cz\), panel \(x_mm, y_mm\)"):
         read_recordings((path,), HowToRead(screen=measured.screen, map=parse_map(["stream=eeg"])))
+    for mapped, said in (
+        (["x=x_mm", "y=9"], r"no channel 9 in eeg \(Cz\), panel \(x_mm, y_mm\), diode \(light\)\. Name the stream"),
+        (["stream=panel", "y=9"], r"a\.xdf: no channel 9 in panel \(x_mm, y_mm\)\. .* by number from 0"),
+        (["stream=finger", "y=9"], r"no stream of touch; it has eeg"),
+    ):
+        with pytest.raises(DataError, match=said):
+            read_recordings((path,), HowToRead(screen=measured.screen, map=parse_map(mapped)))
+    by_number = HowToRead(screen=measured.screen, map=parse_map(["stream=panel", "x=0", "y=1"]))
+    np.testing.assert_array_equal(read_recordings((path,), by_number).runs[0].touch.x_mm, run.touch.x_mm)
+    path.write_bytes(xdf({"My touch": ([], touch[1], touch[2])}).replace(b"_count>0<", b"_count>2<"))
+    with pytest.raises(DataError, match=r"no channel 9 in My touch \(0, 1\)"):
+        read_recordings((path,), HowToRead(screen=measured.screen, map=parse_map(["x=0", "y=9"])))
     path.write_bytes(b"XDF:" + b"\x01\xff" * 40)
     with pytest.raises(DataError, match=r"a\.xdf: (is not a sound XDF file|holds no stream)"):
         read_recordings((path,), HowToRead(screen=measured.screen))
@@ -190,6 +204,43 @@ def test_a_malformed_log_is_one_sentence_with_the_line(parse: Callable[[str], ob
     with pytest.raises(DataError) as caught:
         parse(text)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("end", "cut"),
+    [
+        ("", False),
+        (LINE, False),
+        (LINE.rstrip(), False),  # a last line without an end that is whole
+        ("Event: time 17.0003", True),
+        ("Event: time 17.0003\n", True),
+        ("Eve", True),
+    ],
+)
+def test_a_log_of_evtest_that_is_cut_off_says_so(end: str, cut: bool) -> None:
+    log = parse_evtest(LINE + end)
+    assert (log.cut, len(log.events)) == (cut, 1 + (LINE.rstrip() in end))
+
+
+@pytest.mark.parametrize(
+    ("laser", "mapped", "said"),
+    [
+        (None, (), "there is no laser file"),
+        ("t_s,light\n", (), "a.laser.csv: holds no edges"),
+        (
+            "t_s,light\n1,0.1\n2,0.2\n",
+            ("laser.light=light:>1.5",),
+            "a.laser.csv: holds no edges, its signal never crosses 1.5",
+        ),
+    ],
+)
+def test_a_run_without_edges_says_why(tmp_path: Path, laser: str | None, mapped: tuple[str, ...], said: str) -> None:
+    (tmp_path / "a.csv").write_text("t_s,x_mm,y_mm\n1,2,3\n2,4,5\n", "utf-8")
+    if laser is not None:
+        (tmp_path / "a.laser.csv").write_text(laser, "utf-8")
+    screen = Screen("s", 300.0, 200.0, 1920, 1080)
+    session = read_recordings((tmp_path / "a.csv",), HowToRead(screen=screen, map=parse_map(mapped)))
+    assert [note.text for note in session.runs[0].log] == [f"a.csv: {said}"]
 
 
 def run_import(*arguments: object) -> Result:

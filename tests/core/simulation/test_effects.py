@@ -406,7 +406,7 @@ def test_effects_are_parsed_with_defaults_for_what_is_not_said():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("warp_drive=9", r"unknown effect 'warp_drive'. known effects are clock_drift, clock_offset"),
+        ("warp_drive=9", r"unknown effect 'warp_drive'; use one of clock_drift, clock_offset"),
         ("clock_drift=fast", r"'fast' is not a number for drift_ppm"),
         ("clock_drift=1e9", r"clock_drift: drift_ppm = 1e\+09 is out of bounds. choose -500 to 500 ppm"),
         ("clock_drift=nan", r"out of bounds"),

@@ -14,7 +14,7 @@ from draglag.exchange.streams import check_interval
 from draglag.exchange.tables import line_of_row, read_events
 from draglag.messages import message
 from draglag.reading.limits import CONTACT, TIME_S
-from draglag.recording import FloatArray, LaserTrace, Screen, TouchTrace
+from draglag.recording import FloatArray, IntArray, LaserTrace, Screen, TouchTrace
 from draglag.touch_events.frames import Mapping2D
 
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -52,6 +52,8 @@ def parse_map(texts: Iterable[str]) -> ColumnMap:
     streams: dict[str, str] = {}
     for text in texts:
         key, equals, value = text.partition("=")
+        if key in {*columns, *shift_s, *streams}:
+            raise DataError(message("--map {text}: {key} is mapped twice", text=text, key=key), "Map each key once")
         if key in CLOCKS:
             shift_s[key] = _seconds(text, value)
             continue
@@ -76,7 +78,8 @@ def parse_map(texts: Iterable[str]) -> ColumnMap:
 def read_touch_columns(path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None) -> TouchTrace:
     """Touch events of a table."""
     found = how.names(("t", "x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
-    rows = read_events(path, [name for name, _ in found.values()])
+    contact = [name for key, (name, _) in found.items() if key == "contact"]
+    rows = read_events(path, [name for name, _ in found.values()], names_in=contact)
     by_key = dict(zip(found, rows.T, strict=True))
     return touch_of(by_key, {key: unit for key, (_, unit) in found.items()}, str(path), screen, units_per_mm, path)
 
@@ -95,30 +98,34 @@ def touch_of(
         sound = np.isfinite(mapping(by_key["x"], by_key["y"])).all(axis=0)
     x, y = by_key["x"][sound], by_key["y"][sound]
     x_mm, y_mm = mapping(x, y)
-    contact = by_key.get("contact")
-    if contact is not None:
-        contact = np.where(np.isfinite(contact), contact, -1.0)
-        if (odd := np.flatnonzero(np.abs(contact) > CONTACT)).size:
-            raise DataError(
-                message(
-                    "{place}: {found:g} is no number of a contact",
-                    place=_place(where, path, int(odd[0])),
-                    found=contact[odd[0]],
-                ),
-                "Map the column that numbers the contacts, or none",
-            )
+    contact = None if "contact" not in by_key else _contacts(by_key["contact"], where, path)
     device = by_key.get("device_t")
     raw = "mm" not in (units["x"], units["y"])
     return TouchTrace(
         t_s[sound],
         x_mm,
         y_mm,
-        np.zeros(len(x), np.int64) if contact is None else contact[sound].astype(np.int64),
+        np.zeros(len(x), np.int64) if contact is None else contact[sound],
         x if raw else np.empty(0),
         y if raw else np.empty(0),
         np.empty(0) if device is None else device[sound] * _TIME[units["device_t"]],
         dropped=int((~sound).sum()),
     )
+
+
+def _contacts(numbers: FloatArray, where: str, path: Path | None) -> IntArray:
+    numbers = np.where(np.isnan(numbers), -1.0, numbers)
+    odd = np.flatnonzero(~((np.abs(numbers) <= CONTACT) & (np.trunc(numbers) == numbers)))
+    if odd.size:
+        raise DataError(
+            message(
+                "{place}: {found:g} is no number of a contact",
+                place=_place(where, path, int(odd[0])),
+                found=numbers[odd[0]],
+            ),
+            "Map the column that numbers or names the contacts, or none",
+        )
+    return numbers.astype(np.int64)
 
 
 def read_laser_columns(path: Path, how: ColumnMap) -> LaserTrace:

@@ -41,7 +41,7 @@ _FIELDS = {"Min": "minimum", "Max": "maximum", "Fuzz": "fuzz", "Resolution": "re
 
 
 def read_evtest(path: Path) -> InputLog:
-    """A log's events. Raises DataError."""
+    """A log's events, without a last line that is cut off: evtest was ended while it wrote it. Raises DataError."""
     return parse_evtest(plain_lines(path).decode("utf-8", errors="replace"), str(path))
 
 
@@ -51,13 +51,15 @@ def parse_evtest(text: str, where: str = "text") -> InputLog:
     head: list[str] = []
     lines = text.split("\n")
     last = len(lines) - (not lines[-1])
+    cut = bool(lines[-1]) and not lines[-1].startswith("Event:")
     for number, line in enumerate(lines, 1):
         if not line.startswith("Event:"):
             head.append(line)
             continue
         event = _event(line)
         if event is None and number == last:
-            break  # evtest was ended while it wrote
+            cut = True
+            break
         if event is None:
             raise DataError(
                 message(
@@ -72,7 +74,7 @@ def parse_evtest(text: str, where: str = "text") -> InputLog:
             message("{path}: holds no events of evtest", path=where), "Expected lines that begin with “Event: time”"
         )
     name, axes = _described(head)
-    return InputLog(name, tuple(events), axes)
+    return InputLog(name, tuple(events), axes, cut=cut)
 
 
 def _event(line: str) -> InputEvent | None:

@@ -31,12 +31,16 @@ from draglag.touch_events.packets import SYN_MT_REPORT, decode_packets
 
 @dataclass(frozen=True)
 class InputLog:
-    """Events of one device. ``axes``: axis code → range; ``size_mm``: the panel's (width, height)."""
+    """Events of one device.
+
+    ``axes``: axis code → range; ``size_mm``: the panel's (width, height); ``cut``: whether the last line was cut off.
+    """
 
     name: str
     events: tuple[InputEvent, ...]
     axes: dict[int, AxisInfo] = field(default_factory=dict)
     size_mm: tuple[float, float] | None = None
+    cut: bool = False
 
     @property
     def multitouch(self) -> bool:

@@ -24,8 +24,9 @@ from draglag.exchange.importers.libinput import read_libinput
 from draglag.exchange.importers.walt import ROUNDED, read_walt_laser
 from draglag.exchange.importers.xdf import read_xdf
 from draglag.exchange.tables import column_names
-from draglag.messages import message
+from draglag.messages import Message, message
 from draglag.reading import plain_lines
+from draglag.reading.contacts import at_once
 from draglag.reading.limits import SIZE_MM, SIZE_PX
 from draglag.reading.off_screen import off_screen
 from draglag.recording import LaserTrace, LogEntry, Run, Screen, Session, Stylus, TouchTrace, empty_laser
@@ -139,6 +140,7 @@ def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, l
     screen = how.screen
     if kind in LOGS:
         log = LOGS[kind](path)
+        said += [message("its last line is cut off and left out")] if log.cut else []
         touch = _touch(path, log, how)
         screen = screen or _screen_of(log, how.units_per_mm, path, said)
     elif kind == "xdf":
@@ -156,8 +158,13 @@ def _read(path: Path, how: HowToRead) -> tuple[TouchTrace, LaserTrace, Screen, l
     laser_file = how.laser or (laser_file_of(path) if laser is None else None)
     if laser_file is not None:
         laser = _read_laser(laser_file, how.map, said)
+    if laser is None:
+        said.append(message("there is no laser file"))
+    elif not len(laser.t_s):
+        said.append(_without_edges(laser_file or path, how.map))
     if touch.dropped:
         said.append(f"{touch.dropped} touch events are lost or could not be read")
+    said += at_once(touch)
     return *_on_one_clock(path, touch, laser or empty_laser(), how.map), screen, said
 
 
@@ -185,6 +192,14 @@ def _read_laser(path: Path, how: ColumnMap, said: list[str]) -> LaserTrace:
     if laser.missed:
         said.append(f"{path.name}: {laser.missed} edges are missing (the same level twice running)")
     return laser
+
+
+def _without_edges(path: Path, how: ColumnMap) -> Message:
+    _, unit = how.names(("laser.light",), LASER_DEFAULTS)["laser.light"]
+    if unit[0] in "<>":
+        return message("{path}: holds no edges, its signal never crosses {threshold}", path=path.name,
+                       threshold=unit[1:])  # fmt: skip
+    return message("{path}: holds no edges", path=path.name)
 
 
 def _on_one_clock(path: Path, touch: TouchTrace, laser: LaserTrace, how: ColumnMap) -> tuple[TouchTrace, LaserTrace]:
@@ -228,8 +243,6 @@ def _screen_of(log: InputLog, units_per_mm: float | None, path: Path, said: list
 def _run(run_id: str, path: Path, touch: TouchTrace, laser: LaserTrace, protocol: str, said: list[str]) -> Run:
     both = np.concatenate([touch.t_s, laser.t_s])
     start_s = float(both.min())
-    if not len(laser.t_s):
-        said.append("there is no laser file")
     log = tuple(
         LogEntry(start_s, "warning", "import", message("{path}: {text}", path=path.name, text=text)) for text in said
     )

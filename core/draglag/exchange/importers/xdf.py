@@ -23,7 +23,8 @@ from draglag.system.packages import advice
 # Of one file, in the session's notes: one or two a stream are usual.
 _MOST_WARNINGS = 20
 _REMEDY = message(
-    "Name the stream with --map stream=NAME (touch) and --map laser.stream=NAME, and its channels with x=LABEL …"
+    "Name the stream with --map stream=NAME (touch) and --map laser.stream=NAME, and its channels by label, or by "
+    "number from 0, with x=LABEL …"
 )
 
 
@@ -35,10 +36,7 @@ def read_xdf(
     chosen = how.names(("x", "y", "contact", "device_t"), TOUCH_DEFAULTS)
     touch = _find(streams, how.streams.get("stream"), [name for name, _ in chosen.values()])
     if touch is None:
-        names = ", ".join(f"{_name(one)} ({', '.join(_labels(one))})" for one in streams) or "no stream"
-        raise DataError(
-            message("{path}: holds no stream of touch; it has {names}", path=path, names=names[:300]), _REMEDY
-        )
+        raise _no_touch(path, streams, how, [name for key, (name, _) in chosen.items() if key in how.columns])
     by_key = {key: _channel(touch, name, path) for key, (name, _) in chosen.items()}
     by_key["t"] = _stamps(touch)
     units = {"t": "s"} | {key: unit for key, (_, unit) in chosen.items()}
@@ -101,6 +99,23 @@ def _find(streams: list[dict[str, Any]], name: str | None, labels: list[str]) ->
     if name is not None:
         fitting = [one for one in fitting if _name(one) == name]
     return fitting[0] if fitting else None
+
+
+def _no_touch(path: Path, streams: list[dict[str, Any]], how: ColumnMap, mapped: list[str]) -> DataError:
+    """That a channel that was mapped is in no stream of that name, else that there is no touch."""
+    asked = [one for one in streams if _name(one) == how.streams.get("stream", _name(one))]
+    lacking = [label for label in mapped if all(_index(one, label) is None for one in asked)]
+    if asked and lacking:
+        names = ", ".join(map(_described, asked))
+        problem = message("{path}: no channel {label} in {names}", path=path, label=lacking[0], names=names[:300])
+        return DataError(problem, _REMEDY)
+    names = ", ".join(map(_described, streams)) or "no stream"
+    return DataError(message("{path}: holds no stream of touch; it has {names}", path=path, names=names[:300]), _REMEDY)
+
+
+def _described(stream: dict[str, Any]) -> str:
+    channels = ", ".join(_labels(stream)) or ", ".join(map(str, range(stream["time_series"].shape[1])))
+    return f"{_name(stream)} ({channels})"
 
 
 def _channel(stream: dict[str, Any], label: str, path: Path) -> FloatArray:

@@ -127,7 +127,7 @@ def parse_effect(text: str) -> Effect:
     if name not in EFFECTS:
         raise DataError(
             message("unknown effect '{name}'", name=name),
-            message("known effects are {effects}", effects=", ".join(EFFECTS)),
+            message("use one of {effects}", effects=", ".join(EFFECTS)),
         )
     cls = EFFECTS[name]
     numbers = {spec.name: spec.typical for spec in cls.parameters}
@@ -182,6 +182,6 @@ def known_effects(ids: Collection[str] | str | None) -> frozenset[str]:
     if unknown:
         raise DataError(
             message("unknown effect '{name}'", name=unknown[0]),
-            message("Known are {effects}", effects=", ".join(EFFECTS)),
+            message("Use one of {effects}", effects=", ".join(EFFECTS)),
         )
     return wanted
