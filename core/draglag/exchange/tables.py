@@ -114,11 +114,7 @@ def read_events(
 
     Lines beginning with # are skipped. Separators: commas, tabs, or semicolons with decimal commas. Raises DataError.
     """
-    text = _text(path)
-    between = _separator(text)
-    rows = _rows(path, _filled(text, notes=True), between, '"' in text)
-    _, head = next(rows, (1, [""]))
-    names = [_bare(name) for name in head]
+    names, rows, between = _events(path)
     missing = [name for name in columns if name not in names]
     if missing:
         raise DataError(
@@ -136,6 +132,37 @@ def read_events(
     table = np.full((len(read), len(columns) + len(perhaps)), np.nan)
     table[:, [*range(len(columns)), *(len(columns) + perhaps.index(name) for name in there)]] = read
     return table
+
+
+def event_columns(path: Path) -> tuple[str, ...]:
+    """Names of the columns of ``read_events``. Raises DataError."""
+    return tuple(_events(path)[0])
+
+
+def read_labels(path: Path, column: str) -> NDArray[np.int64]:
+    """Numbers for the texts of a column of ``read_events``, (n,): equal ones for equal texts, −1 for missing ones."""
+    names, rows, _ = _events(path)
+    if column not in names:
+        raise DataError(
+            message("{path}: no column {column} in its first line", path=path, column=column),
+            message("Its columns are {columns}", columns=",".join(names)),
+        )
+    place, numbers, labels = names.index(column), dict.fromkeys(MISSING, -1), array("q")
+    for number, cells in rows:
+        if len(cells) != len(names):
+            raise _wrong_cells(path, number, names, len(cells))
+        text = _bare(cells[place])
+        labels.append(numbers[text.lower()] if text.lower() in MISSING else numbers.setdefault(text, len(numbers)))
+    return np.array(labels, np.int64)
+
+
+def _events(path: Path) -> tuple[list[str], Iterator[tuple[int, list[str]]], str]:
+    """Names of the columns of another program's table, its rows as ``_rows``, and what stands between its cells."""
+    text = _text(path)
+    between = _separator(text)
+    rows = _rows(path, _filled(text, notes=True), between, '"' in text)
+    _, head = next(rows, (1, [""]))
+    return [_bare(name) for name in head], rows, between
 
 
 def _filled(text: str, notes: bool = False) -> Iterator[tuple[int, str]]:
