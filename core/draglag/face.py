@@ -247,10 +247,23 @@ def compensate(
     x_mm: ArrayLike,
     y_mm: ArrayLike,
     law: Analysis | CurveFit | LatencyModel,
+    contact_id: ArrayLike | None = None,
+    *,
+    extrapolate: bool = False,
 ) -> Compensated:
-    """Where the stylus was, given recorded touch events (n,).
+    """Where the stylus was behind recorded touch events (n,), as ``draglag compensate`` computes it; NaN where unknown.
 
-    Raises DataError with fewer than eight usable events, and for what is no law.
+    The last events of each contact, about one latency, have no place: the events that would show it were not recorded,
+    as the contact had ended. Effects of a model are corrected for as far as events show them; ``notes`` of the result
+    says which, and which are left.
+
+    Args:
+        t_s, x_mm, y_mm: seconds and mm, in any order.
+        contact_id: (n,) numbers or texts, as contacts are taken one by one; None: all events are of one contact.
+        extrapolate: follow the curve beyond its measured speeds, not hold its ends.
+
+    Raises DataError with fewer than eight usable events in every contact, for times, positions or contacts that cannot
+    be right, and for what is no law.
 
     >>> import draglag as dl
     >>> session = dl.read("session.h5")
@@ -259,12 +272,12 @@ def compensate(
     >>> moved.x_stylus_mm.shape == touch.x_mm.shape
     True
     """
-    from draglag.model.compensation import compensate as compensate_events
+    from draglag.gap.compensating import compensate_events
     from draglag.model.file import LatencyModel, model_of
 
     model = law if isinstance(law, LatencyModel) else model_of(_curve(law))
     t, x, y = (_numbers(values) for values in (t_s, x_mm, y_mm))
-    return compensate_events(t, x, y, model.latency_s, model.speed_range_mm_s)
+    return compensate_events(t, x, y, model, contact_id, extrapolate=extrapolate).noted()
 
 
 def model_of(

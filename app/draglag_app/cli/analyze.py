@@ -293,6 +293,8 @@ def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> 
         input_sha256=checksum(source),
         created_utc=now_utc(),
         software=f"draglag {draglag.__version__}",
+        screen_width_mm=data.screen.width_mm,
+        screen_height_mm=data.screen.height_mm,
     )
     save_model(model_of(analysis.curve, provenance), path)
 

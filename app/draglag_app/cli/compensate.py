@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,17 +10,20 @@ import click
 import numpy as np
 
 from draglag.errors import DataError, cause
-from draglag.messages import message
-from draglag.reading.limits import TIME_S
-from draglag.recording import FloatArray
+from draglag.messages import Message, message
+from draglag.recording import FloatArray, IntArray
 from draglag.system.packages import need
 from draglag.system.temporary import new_file
-from draglag_app.cli.common import json_option, number, print_json, refuse_existing, table, warn
+from draglag_app.cli.common import FiniteRange, json_option, number, print_json, refuse_existing, table, warn
 
 if TYPE_CHECKING:
-    from draglag.gap.correction import Correction
+    from draglag.exchange.importers.columns import ColumnMap
     from draglag.model.compensation import Compensated
     from draglag.model.file import LatencyModel
+
+_KEYS = ("t", "x", "y", "contact", "clock")  # of --map
+_CONTACT = "contact_id"
+_LIKELY_CONTACT = re.compile("contact|finger|pointer|slot|track|touch_?id", re.IGNORECASE)
 
 
 @click.command("compensate")
@@ -30,6 +34,15 @@ if TYPE_CHECKING:
 @click.option("--lookup", type=click.Path(path_type=Path), help="Also write the model as a table: .csv or MATLAB .mat.")
 @click.option("--tracking", is_flag=True, help="Show what the lag does to a tracking task (gain and phase, Table 1).")
 @click.option("--figure", type=click.Path(path_type=Path), help="Draw gain and phase into this .svg or .png file.")
+@click.option(
+    "--map",
+    "mapped",
+    multiple=True,
+    metavar="KEY=COLUMN[:UNIT]",
+    help="Columns and units of IN.csv as in draglag import: t, x, y, contact; clock=SECONDS; may be repeated.",
+)
+@click.option("--screen", metavar="NAME", help="Preset or TOML file of the screen, for positions in pixels.")
+@click.option("--units-per-mm", type=FiniteRange(min=0, min_open=True), metavar="N", help="For positions in raw units.")
 @json_option
 def compensate(
     model_path: Path,
@@ -39,29 +52,40 @@ def compensate(
     lookup: Path | None,
     tracking: bool,
     figure: Path | None,
+    mapped: tuple[str, ...],
+    screen: str | None,
+    units_per_mm: float | None,
     as_json: bool,
 ) -> None:
     """Take the drag latency out of recorded touch events. IN.csv has the columns t_s, x_mm, y_mm, and perhaps
-    contact_id, whose contacts are taken one by one. OUT.csv repeats the three and adds when the stylus was where the
-    event shows it (stylus_t_s, latency_ms), where it was at t_s itself (x_stylus_mm, y_stylus_mm), its speed, and
-    whether that speed lies outside the model's range.
+    contact_id (numbers or texts), whose contacts are taken one by one; --map names others. OUT.csv repeats the three
+    in s and mm and adds when the stylus was where the event shows it (stylus_t_s, latency_ms), where it was at t_s
+    itself (x_stylus_mm, y_stylus_mm), its speed, and whether that speed lies outside the model's range. The last events
+    of each contact, about one latency, have no place of the stylus (nan): the events that would show it were not
+    recorded, as the contact had ended.
 
     \b
     Examples:
         draglag compensate model.json touch.csv compensated.csv
+        draglag compensate model.json log.csv out.csv --map t=stamp:ms --map x=posX:cm --map y=posY:cm \\
+            --map contact=finger
         draglag compensate model.json --lookup latency.mat --tracking
     """
     from draglag.model.file import left_unexplained, load_model, save_lookup
 
     if (source is None) != (out is None) or not (source or lookup or tracking or figure):
         raise click.UsageError("Give IN.csv and OUT.csv, or --lookup, --tracking or --figure.")
+    if source is None and (mapped or screen or units_per_mm):
+        raise click.UsageError("--map, --screen and --units-per-mm are of IN.csv: give it, and OUT.csv.")
     if figure is not None:
         need("matplotlib")
     model = load_model(model_path)
     warn(left_unexplained(model))
     result: dict[str, Any] = {"model": str(model_path), "form": model.form}
     if source is not None and out is not None:
-        result["compensated"] = _compensated(model, source, out, extrapolate)
+        refuse_existing(out)
+        read = _read(source, mapped, screen, units_per_mm)
+        result["compensated"] = _compensated(model, source, out, extrapolate, read)
     if lookup is not None:
         save_lookup(model, lookup)
         result["lookup"] = str(lookup)
@@ -81,19 +105,43 @@ def compensate(
         click.echo("\n\n".join(_words(result, out)))
 
 
-def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool) -> dict[str, Any]:
-    refuse_existing(out)
-    t_s, x_mm, y_mm, contact = _read(source)
+def _compensated(
+    model: LatencyModel, source: Path, out: Path, extrapolate: bool, read: tuple[FloatArray, IntArray | None, ColumnMap]
+) -> dict[str, Any]:
+    from draglag.gap.compensating import Origin, compensate_events
+
+    rows, contact, how = read
+    time = how.names(("t",), {"t": ("t_s", "s")})["t"][0]
+    origin = Origin(
+        source.name,
+        message("Give the unit of the time, as in --map t={column}:ms", column=time),
+        message("Give the unit of the positions, as in --map x=COLUMN:m --map y=COLUMN:m"),
+        _contact_remedy(source, how, contact is not None),
+    )
+    t_s, x_mm, y_mm = np.ascontiguousarray(rows.T)
     try:
-        done, correction = _of_contacts(t_s, x_mm, y_mm, contact, model, extrapolate)
+        events = compensate_events(t_s, x_mm, y_mm, model, contact, extrapolate=extrapolate, origin=origin)
     except DataError as error:
         raise DataError(message("{source}: {problem}", source=source, problem=error.problem), error.remedy) from error
+    warn(*events.warnings)
+    done, correction = events.done, events.correction
+    _write(out, done, x_mm, y_mm)
+    return {
+        **done.report(),
+        "not_compensated": list(correction.left_but_law),
+        **correction.to_dict(),
+        "words": correction.words(),
+        "warnings": list(events.warnings),
+    }
+
+
+def _write(out: Path, done: Compensated, x_mm: FloatArray, y_mm: FloatArray) -> None:
     columns = {
-        "t_s": t_s,
+        "t_s": done.t_s,
         "x_mm": x_mm,
         "y_mm": y_mm,
         "stylus_t_s": done.stylus_t_s,
-        "latency_ms": 1e3 * (t_s - done.stylus_t_s),
+        "latency_ms": 1e3 * done.latency_s,
         "x_stylus_mm": done.x_stylus_mm,
         "y_stylus_mm": done.y_stylus_mm,
         "speed_mm_s": done.speed_mm_s,
@@ -108,54 +156,39 @@ def _compensated(model: LatencyModel, source: Path, out: Path, extrapolate: bool
         raise DataError(
             message("{path}: cannot be written ({why})", path=out, why=cause(error)), "Check the folder and free space"
         ) from error
-    return {
-        **done.report(),
-        "not_compensated": list(correction.left_but_law),
-        **correction.to_dict(),
-        "words": correction.words(),
-    }
 
 
-def _of_contacts(
-    t_s: FloatArray, x_mm: FloatArray, y_mm: FloatArray, contact: FloatArray, model: LatencyModel, extrapolate: bool
-) -> tuple[Compensated, Correction]:
-    """Each contact by itself; NaN for those too short. Raises DataError where all are."""
-    from draglag.gap.correction import corrected_touch
-    from draglag.gap.correction import merged as all_corrections
-    from draglag.model.compensation import compensate as apply
-    from draglag.model.compensation import merged
+def _read(
+    path: Path, mapped: tuple[str, ...], screen: str | None, units_per_mm: float | None
+) -> tuple[FloatArray, IntArray | None, ColumnMap]:
+    """Times and positions (n, 3), s and mm; numbers of the contacts (n,), None without a column of them; the map."""
+    from draglag.exchange.importers.columns import parse_map, read_contacts, read_positions
+    from draglag.exchange.tables import event_columns
+    from draglag.protocol.presets import load_screen
 
-    def law(v: FloatArray) -> FloatArray:
-        return model.latency_s(v, extrapolate=extrapolate)
-
-    parts: list[tuple[np.ndarray, Compensated]] = []
-    corrections: list[Correction] = []
-    trouble: DataError | None = None
-    order = np.argsort(contact, kind="stable")
-    for which in np.split(order, np.flatnonzero(np.diff(contact[order])) + 1):
-        t, x, y, correction = corrected_touch(t_s[which], x_mm[which], y_mm[which], model)
-        try:
-            parts.append((which, apply(t, x, y, law, model.speed_range_mm_s)))
-            corrections.append(correction)
-        except DataError as error:
-            trouble = trouble or error
-    if trouble is not None and not parts:
-        raise trouble
-    return merged(t_s, parts), all_corrections(corrections)
-
-
-def _read(path: Path) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Times, positions, and the numbers of the contacts: -1 where there is none."""
-    from draglag.exchange.tables import read_events
-
-    rows = read_events(path, ("t_s", "x_mm", "y_mm"), perhaps=("contact_id",))
+    how = parse_map(mapped)
+    other = [key for key in (*how.columns, *how.shift_s, *how.streams) if key not in _KEYS]
+    if other:
+        raise DataError(
+            message("--map {key}=…: compensation does not use it", key=other[0]),
+            message("Keys are {known}", known=", ".join(_KEYS)),
+        )
+    rows = read_positions(path, how, None if screen is None else load_screen(screen), units_per_mm)
     if not len(rows):
         raise DataError(message("{path}: holds no events", path=path), "Give one row t_s,x_mm,y_mm for each event")
-    if np.nanmax(np.abs(rows[:, 0]), initial=0.0, where=np.isfinite(rows[:, 0])) > TIME_S:
-        raise DataError(
-            message("{path}: t_s holds times that cannot be seconds", path=path), "Give the times in seconds"
-        )
-    return rows[:, 0], rows[:, 1], rows[:, 2], np.where(np.isnan(rows[:, 3]), -1.0, rows[:, 3])
+    if "contact" not in how.columns and _CONTACT not in event_columns(path):
+        return rows, None, how
+    return rows, read_contacts(path, how.columns.get("contact", (_CONTACT, ""))[0]), how
+
+
+def _contact_remedy(path: Path, how: ColumnMap, named: bool) -> Message:
+    from draglag.exchange.tables import event_columns
+
+    used = {column for column, _ in how.columns.values()} | {_CONTACT}
+    likely = [] if named else [c for c in event_columns(path) if c not in used and _LIKELY_CONTACT.search(c)]
+    if likely:
+        return message("Name the column of the contact, perhaps --map contact={column}", column=likely[0])
+    return message("Name the column of the contact, as in --map contact=COLUMN")
 
 
 def _words(result: dict[str, Any], out: Path | None) -> list[str]:

@@ -119,11 +119,7 @@ def read_events(
 
     Lines beginning with # are skipped. Separators: commas, or tabs or semicolons with decimal commas. Raises DataError.
     """
-    text = _text(path)
-    between = _separator(text)
-    rows = _rows(path, _filled(text, notes=True), between, '"' in text)
-    first, head = next(rows, (1, [""]))
-    names = [_bare(name) for name in head]
+    first, names, rows, between = _events(path)
     missing = [name for name in columns if name not in names]
     if missing:
         raise DataError(
@@ -148,6 +144,20 @@ def read_events(
     table = np.full((len(read), len(columns) + len(perhaps)), np.nan)
     table[:, [*range(len(columns)), *(len(columns) + perhaps.index(name) for name in there)]] = read
     return table
+
+
+def event_columns(path: Path) -> tuple[str, ...]:
+    """Names of the columns of ``read_events``. Raises DataError."""
+    return tuple(_events(path)[1])
+
+
+def _events(path: Path) -> tuple[int, list[str], Iterator[tuple[int, list[str]]], str]:
+    """Line and names of the columns of another program's table, its rows as ``_rows``, and its separator."""
+    text = _text(path)
+    between = _separator(text)
+    rows = _rows(path, _filled(text, notes=True), between, '"' in text)
+    first, head = next(rows, (1, [""]))
+    return first, [_bare(name) for name in head], rows, between
 
 
 def _filled(text: str, notes: bool = False) -> Iterator[tuple[int, str]]:

@@ -84,6 +84,21 @@ def read_touch_columns(path: Path, how: ColumnMap, screen: Screen | None, units_
     return touch_of(by_key, {key: unit for key, (_, unit) in found.items()}, str(path), screen, units_per_mm, path)
 
 
+def read_positions(path: Path, how: ColumnMap, screen: Screen | None, units_per_mm: float | None) -> FloatArray:
+    """Times and positions of a table, s and mm, (n, 3), all rows as they come; NaN for cells without a number."""
+    found = how.names(("t", "x", "y"), TOUCH_DEFAULTS)
+    rows = read_events(path, [name for name, _ in found.values()])
+    factors = [_TIME[found["t"][1]]]
+    factors += [_per_mm(axis, found[axis][1], str(path), screen, units_per_mm) for axis in ("x", "y")]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray(rows * factors + [how.shift_s.get("clock", 0.0), 0.0, 0.0])
+
+
+def read_contacts(path: Path, column: str) -> IntArray:
+    """Numbers of the contacts of a table, (n,): equal ones for equal texts, −1 for missing ones."""
+    return _contacts(read_events(path, [column], names_in=(column,))[:, 0], str(path), path)
+
+
 def touch_of(
     by_key: dict[str, FloatArray], units: dict[str, str], where: str, screen: Screen | None,
     units_per_mm: float | None, path: Path | None = None,
