@@ -99,6 +99,36 @@ def test_notebooks_get_tables_in_which_nothing_is_markup(session: dl.Session, an
         assert evil not in page
         assert html.escape(evil) in page
     assert analysis._repr_html_().count("<tr>") > len(analysis.runs)
+    model = dl.model_of(analysis.curve, effects=[("clock_drift", {"drift_ppm": 12.5})])
+    assert repr(model) == f"LatencyModel({analysis.curve.form.replace('_', ' ')}, clock_drift, {_range(analysis)} mm/s)"
+    assert "<td>drift_ppm</td><td>12.5</td>" in model._repr_html_()
+    run = analysis.runs[0]
+    assert f"<td>{run.latency_ms:.4g}</td>" in run._repr_html_()
+    log = session.runs[0].touch
+    page = dl.compensate(log.t_s, log.x_mm, log.y_mm, model)._repr_html_()
+    assert f"<td>n_events</td><td>{log.t_s.size}</td>" in page
+    assert "clock" in page  # the note on what is left
+
+
+def _range(analysis: dl.Analysis) -> str:
+    assert analysis.curve is not None
+    low, high = analysis.curve.speed_range_mm_s
+    return f"{low:.0f} to {high:.0f}"
+
+
+def test_a_gap_s_table_has_sizes_and_intervals_or_what_is_left(session: dl.Session) -> None:
+    from dataclasses import replace
+
+    report = dl.find_gap(session)
+    if report.steps:  # of the sample session
+        report = replace(report, steps=(), verdict="no_gap")
+    page = report._repr_html_()
+    assert "no gap" in page
+    assert f"<td>{report.gap_last_mm:.4g}</td><td>{report.noise_floor_mm:.4g}</td>" in page
+    drift = dl.find_gap(dl.simulate("screen-1", "demo", effects={"clock_drift": 40.0}, seed=3))
+    (step,) = drift.steps
+    value, (low, high) = step.parameters["drift_ppm"]
+    assert f"<td>drift_ppm</td><td>{value:.4g}</td><td>{low:.4g}</td><td>{high:.4g}</td>" in drift._repr_html_()
     assert table_html("t", ["a"], [[None], [float("nan")], [1.23456]]).count("–") == 2
 
 

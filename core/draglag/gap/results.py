@@ -214,9 +214,20 @@ class GapReport:
         return f"GapReport({self.session!r}: {self.verdict or 'no verdict'}{sure}{': ' + names if names else ''})"
 
     def _repr_html_(self) -> str:
-        head = ["effect", "probability", "where", "gap before, mm", "gap after, mm"]
-        rows = [(s.effect, stated(s.probability), s.where, s.gap_before_mm, s.gap_after_mm) for s in self.steps]
-        return table_html(f"Gap of {self.session}: {self.verdict or 'no verdict'}", head, rows)
+        verdict = (self.verdict or "no verdict").replace("_", " ")
+        if not self.steps:
+            sure = None if self.probability is None else stated(self.probability)
+            rows = [(self.gap_last_mm, self.noise_floor_mm, sure, self.unexplained_by or None)]
+            head = ["gap, mm", "noise floor, mm", "probability", "follows"]
+            return table_html(f"Gap of {self.session}: {verdict}", head, rows)
+        head = ["effect", "parameter", "value", "low", "high", "probability", "where", "before, mm", "after, mm"]
+        unknown = float("nan")
+        effects = [
+            (s.effect, name, value, *ci95, stated(s.probability), s.where, s.gap_before_mm, s.gap_after_mm)
+            for s in self.steps
+            for name, (value, ci95) in (s.parameters or {"": (unknown, (unknown, unknown))}).items()
+        ]
+        return table_html(f"Gap of {self.session}: {verdict}", head, effects)
 
 
 def unjudged(session: Session, report: GapReport) -> str:

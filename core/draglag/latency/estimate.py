@@ -13,7 +13,7 @@ from draglag.messages import message
 from draglag.path.events import hold_at_rate, last_of_batches, sample_interval_s, without_strays
 from draglag.reading.limits import EVENT_S
 from draglag.recording import FloatArray, Run, TouchTrace
-from draglag.shown import brief
+from draglag.shown import brief, table_html
 
 WINDOW_S = (0.0, 0.4)  # latencies searched
 FEW_EDGES = 8  # below this an interval means little
@@ -138,6 +138,12 @@ class RunEstimate:
         }
 
     __repr__ = brief
+
+    def _repr_html_(self) -> str:
+        low_ms, high_ms = self.latency_ci95_ms or (None, None)
+        head = ["speed_mm_s", "latency_ms", "low", "high", "n_edges", "stylus_diameter_mm", "flags"]
+        row = [self.speed_mm_s, self.latency_ms, low_ms, high_ms, self.n_edges, self.stylus_diameter_mm]
+        return table_html(f"{self.id} ({self.protocol})", head, [[*row, ", ".join(self.flags)]])
 
 
 @dataclass(frozen=True)

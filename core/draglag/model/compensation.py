@@ -14,7 +14,7 @@ from draglag.path.events import contact_losses, in_contact, sample_interval_s, u
 from draglag.path.inversion import Law, StylusPath, stylus_path, stylus_speed, stylus_time_s
 from draglag.path.local_fit import local_fit
 from draglag.recording import FloatArray, IntArray, TouchTrace
-from draglag.shown import brief
+from draglag.shown import brief, table_html
 
 FEWEST_EVENTS = 8  # for a movement
 STEEP_S = 0.03  # v · L′(v) from which simulated Screens 1 and 2 are better undone as a whole
@@ -102,6 +102,11 @@ class Compensated:
         }
 
     __repr__ = brief
+
+    def _repr_html_(self) -> str:
+        rows = [(name, *(value if isinstance(value, list) else [value])) for name, value in self.report().items()]
+        notes = [("note", note) for note in self.notes]
+        return table_html("Compensated touch events", ["", "value or smallest", "median", "largest"], [*rows, *notes])
 
 
 def merged(t_s: FloatArray, parts: Sequence[tuple[np.ndarray, Compensated]]) -> Compensated:

@@ -19,6 +19,7 @@ from draglag.reading import parse_json, read_text
 from draglag.reading.limits import DOCUMENT_BYTES, RUNS
 from draglag.reading.refusals import refusal
 from draglag.recording import FloatArray
+from draglag.shown import table_html
 from draglag.simulation.effects import EFFECTS
 from draglag.system.temporary import new_file
 
@@ -159,6 +160,21 @@ class LatencyModel(_Table):
             speed = np.clip(speed, *self.speed_range_mm_s)
         return np.asarray(self.curve.predict_s(speed) + extra_s)
 
+    def __repr__(self) -> str:
+        names = "".join(f", {effect.id}" for effect in self.effects)
+        of = f" of {self.provenance.screen}" if self.provenance.screen else ""
+        low, high = self.speed_range_mm_s
+        return f"LatencyModel({self.form.replace('_', ' ')}{names}{of}, {low:.0f} to {high:.0f} mm/s)"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (effect.id, name, value, *effect.ci95.get(name, (None, None)))
+            for effect in self.effects
+            for name, value in effect.parameters.items()
+        ]
+        effects = table_html("Effects", ["effect", "parameter", "value", "low", "high"], rows) if rows else ""
+        return self.curve._repr_html_() + effects
+
     @property
     def not_compensated(self) -> tuple[str, ...]:
         """Ids of the effects that a law of speed cannot undo."""
@@ -230,12 +246,18 @@ def load_model(path: Path | str) -> LatencyModel:
     'double_exponential'
     """
     path = Path(path)
-    raw: Any = parse_json(read_text(path, DOCUMENT_BYTES), path, MADE_BY)
+    raw: Any = parse_json(read_text(path, DOCUMENT_BYTES, MADE_BY), path, MADE_BY)
     if isinstance(raw, dict) and raw.get("format") == "draglag-model" and raw.get("version", VERSION) != VERSION:
         known = message(
             "model version {version} is not known here, only {known}", version=repr(raw.get("version")), known=VERSION
         )
         raise DataError(message("{path}: {known}", path=path, known=known), "Save the model again, or update draglag")
+    missing = next((effect for effect in _named_in(raw) if effect not in EFFECTS), None)
+    if missing is not None:
+        raise DataError(
+            message("{path}: the effect {effect} is not known here", path=path, effect=missing),
+            "Install the package that adds it, or update draglag",
+        )
     try:
         model = LatencyModel.model_validate(raw)
     except ValidationError as error:
@@ -249,6 +271,13 @@ def load_model(path: Path | str) -> LatencyModel:
     if fault:
         raise DataError(message("{path}: not a latency model: {wrong}", path=path, wrong=fault), MADE_BY)
     return model
+
+
+def _named_in(raw: Any) -> list[str]:
+    """Ids of the effects in a file that may be no model."""
+    if not isinstance(raw, dict) or raw.get("format") != "draglag-model" or not isinstance(raw.get("effects"), list):
+        return []
+    return [item["id"] for item in raw["effects"] if isinstance(item, dict) and isinstance(item.get("id"), str)]
 
 
 def _wrong_effect(model: LatencyModel) -> str:

@@ -13,6 +13,7 @@ from draglag.model.compensation import compensate
 from draglag.model.file import LatencyModel, load_model, lookup_table, model_of, save_lookup, save_model
 from draglag.model.tracking import tracking_response
 from draglag.protocol.runs import Protocol, RunPlan
+from draglag.reading.limits import DOCUMENT_BYTES
 from draglag.simulation import LatencyLaw
 from draglag.simulation.chain import simulate_session
 from draglag.simulation.rig import rig_for_screen
@@ -65,6 +66,23 @@ def test_a_wrong_model_is_refused_by_name(
     path.write_text(json.dumps({**model.model_dump(mode="json"), **change}))
     with pytest.raises(DataError, match=words):
         load_model(path)
+
+
+def test_an_effect_of_a_package_that_is_gone_is_said_as_such(model: LatencyModel, tmp_path: Path) -> None:
+    path = tmp_path / "left_half.json"
+    own = {"id": "left_half", "parameters": {"late_s": 0.02}}
+    path.write_text(json.dumps({**model.model_dump(mode="json"), "effects": [own]}))
+    with pytest.raises(DataError, match="left_half is not known here") as caught:
+        load_model(path)
+    assert "package" in caught.value.remedy
+
+
+def test_a_large_file_of_another_kind_is_answered_with_what_a_model_is(tmp_path: Path) -> None:
+    path = tmp_path / "session.h5"
+    path.write_bytes(b"0" * (DOCUMENT_BYTES + 1))
+    with pytest.raises(DataError) as caught:
+        load_model(path)
+    assert "--save-model" in caught.value.remedy
 
 
 def test_what_is_no_json_is_refused(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from draglag.errors import DataError
 from draglag.exchange.streams import check_interval
-from draglag.exchange.tables import line_of_row, read_events
+from draglag.exchange.tables import event_columns, line_of_row, read_events
 from draglag.messages import message
 from draglag.reading.limits import CONTACT, TIME_S
 from draglag.recording import FloatArray, IntArray, LaserTrace, Screen, TouchTrace
@@ -95,7 +95,13 @@ def read_positions(path: Path, how: ColumnMap, screen: Screen | None, units_per_
 
 
 def read_contacts(path: Path, column: str) -> IntArray:
-    """Numbers of the contacts of a table, (n,): equal ones for equal texts, −1 for missing ones."""
+    """Numbers of the contacts of a table, (n,): equal ones for equal texts, −1 for missing ones. Raises DataError."""
+    there = event_columns(path)
+    if column not in there:
+        raise DataError(
+            message("{path}: no column {column} in its first line", path=path, column=column),
+            message("Its columns are {columns}", columns=",".join(there)),
+        )
     return _contacts(read_events(path, [column], names_in=(column,))[:, 0], str(path), path)
 
 
