@@ -64,3 +64,23 @@ def test_a_step_larger_than_the_curve_falls_lies_between_its_runs(later_s: float
     assert low < 200 < high
     assert step.size_s == pytest.approx(later_s, abs=1e-3)
     assert step.alone
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_constant_latency_shows_a_step_and_none_without_one(seed: int) -> None:
+    """Exponentials fitted to it have amplitudes of either sign, of which Eq. 5 has none below zero."""
+    speeds = np.geomspace(25, 400, 16)
+    late_s = 0.034 + np.random.default_rng(seed).normal(0, 3e-4, speeds.size)
+    for later_s in (0.012, 0.0):
+        estimates = [
+            SimpleNamespace(speed_mm_s=v, latency_s=s, curve_se_s=3e-4)
+            for v, s in zip(speeds, late_s + later_s * (speeds > 106), strict=True)
+        ]
+        step = find_step(tuple(SimpleNamespace(estimate=one) for one in estimates))
+        if later_s:
+            assert step is not None
+            assert step.size_s == pytest.approx(later_s, abs=1e-3)
+            assert step.between_mm_s[0] < 106 < step.between_mm_s[1]
+            assert step.alone
+        else:
+            assert step is None
