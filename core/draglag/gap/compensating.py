@@ -20,7 +20,7 @@ from draglag.reading.limits import TIME_S
 from draglag.reading.off_screen import MARGIN, off_screen
 from draglag.recording import FloatArray, IntArray, Run, Screen, TouchTrace, empty_laser
 
-NEAR_CORNER_MM = 1.0  # no stylus stays so near to the corner of a screen: positions on one of 1 m, in m
+NEAR_CORNER_MM = 1.0  # mm. No stylus stays so near to the corner of a screen; positions in m do. Physical
 
 
 @dataclass(frozen=True)
