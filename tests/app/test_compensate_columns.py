@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 
 import draglag as dl
+from app.compensating import columns, run
 from draglag.curve import CurvePoints, fit_form
 from draglag.model.file import ModelEffect, Provenance, model_of, save_model
 from draglag_app.cli import cli
@@ -38,16 +38,6 @@ def table(path: Path, head: str, *columns: object) -> Path:
     lines = [",".join(str(cell) if isinstance(cell, str) else f"{cell:.7f}" for cell in row) for row in rows]
     path.write_text("\n".join([head, *lines]) + "\n", "utf-8")
     return path
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(cli, ["compensate", *map(str, arguments)])
-
-
-def columns(path: Path) -> dict[str, np.ndarray]:
-    with path.open() as file:
-        rows = list(csv.DictReader(file))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
 def interleaved(ids: tuple[str, str]) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[str]]:
@@ -186,6 +176,6 @@ def test_a_saved_curve_knows_the_size_of_its_screen(tmp_path: Path) -> None:
 
 
 def test_help_says_why_last_events_have_no_place() -> None:
-    said = " ".join(CliRunner().invoke(cli, ["compensate", "--help"]).stdout.split())
+    said = " ".join(run("--help").stdout.split())
     assert "The last events of each contact, about one latency, have no place of the stylus (nan)" in said
     assert "events that would show it were not recorded, as the contact had ended" in said

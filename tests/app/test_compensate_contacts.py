@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
+from app.compensating import columns, run
 from draglag.curve import CurvePoints, fit_form
 from draglag.model.file import model_of, save_model
-from draglag_app.cli import cli
 
 LAG_S = 0.05
 T_S = 0.01 * np.arange(60)
@@ -25,16 +23,6 @@ def model_file(tmp_path: Path) -> Path:
     curve = fit_form(CurvePoints(speed, np.full(5, LAG_S), np.full(5, 1e-4)), "constant")
     save_model(model_of(curve), tmp_path / "model.json")
     return tmp_path / "model.json"
-
-
-def run(*arguments: object) -> Result:
-    return CliRunner().invoke(cli, ["compensate", *map(str, arguments)])
-
-
-def columns(path: Path) -> dict[str, np.ndarray]:
-    with path.open() as file:
-        rows = list(csv.DictReader(file))
-    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
 def test_each_row_gets_the_result_of_its_own_contact(tmp_path: Path, model_file: Path) -> None:
