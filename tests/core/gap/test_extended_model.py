@@ -175,7 +175,7 @@ def test_an_unknown_effect_in_a_model_file_is_refused_in_one_sentence(model: Lat
     content = model.model_dump(mode="json")
     content["effects"] = [{"id": "gremlins", "parameters": {}}]
     (tmp_path / "m.json").write_text(json.dumps(content))
-    with pytest.raises(DataError, match="unknown effect 'gremlins'"):
+    with pytest.raises(DataError, match="the effect gremlins is not known here"):
         load_model(tmp_path / "m.json")
     del content["effects"], content["provenance"]
     (tmp_path / "old.json").write_text(json.dumps(content))

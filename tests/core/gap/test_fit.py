@@ -199,10 +199,9 @@ def test_the_corner_of_a_plateau_is_rounded_by_less_than_a_speed_is_unsure() -> 
 Refitted = tuple[GapReport, list[tuple[Fit, tuple[Term, ...]]]]  # of each refit: the smaller fit, all terms
 
 
-@pytest.fixture(scope="module")
-def lagging_law() -> Refitted:
+def lagging_law(seed: int) -> Refitted:
     """Report of a law that lags by 100 ms, and what was refitted for it."""
-    session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("lagging_law=0.1")], seed=5)
+    session = simulate_session("screen-1", load_protocol("demo"), effects=[parse_effect("lagging_law=0.1")], seed=seed)
     refitted: list[tuple[Fit, tuple[Term, ...]]] = []
 
     def fitted(
@@ -221,9 +220,9 @@ def lagging_law() -> Refitted:
         return close_gap(session), refitted
 
 
-def test_a_lagging_law_is_sized_by_the_speed_of_that_time(lagging_law: Refitted) -> None:
+def test_a_lagging_law_is_sized_by_the_speed_of_that_time() -> None:
     """The interval covers it: of which moment a speed is, its windows give to 10 ms and a fifth of the delay only."""
-    report, _ = lagging_law
+    report, _ = lagging_law(seed=5)
     (step,) = report.steps
     assert step.effect == "lagging_law"
     delay_s, (low_s, high_s) = step.parameters["delay_s"]
@@ -234,9 +233,9 @@ def test_a_lagging_law_is_sized_by_the_speed_of_that_time(lagging_law: Refitted)
     assert report.gap_last_mm < 0.9 * report.gap_first_mm
 
 
-def test_no_refit_is_made_twice(lagging_law: Refitted) -> None:
+def test_no_refit_is_made_twice() -> None:
     """Each takes seconds on a long session: next to the lagging law several sets promise more and begin alike."""
-    _, refitted = lagging_law
+    _, refitted = lagging_law(seed=6)
     assert len(refitted) > 3
     again = [terms for k, (start, terms) in enumerate(refitted) if (start, terms) in refitted[:k]]
     assert again == []
