@@ -351,14 +351,14 @@ def test_a_terminal_unplugged_at_arming_and_before_the_last_sample_costs_no_run(
             if isinstance(event, events.RunStarted):
                 begun = True
                 if event.run_id == "run-02":  # well before its end: what comes after the last sample is no loss
-                    threading.Timer(0.7, unplug).start()
+                    threading.Timer(1.0, unplug).start()
             lost = lost or (isinstance(event, events.NoticeRaised) and (event.source, event.state) == ("laser", "lost"))
             if lost and begun:
                 lost = False
                 segment.order("plug")
 
         rig = make_rig({"touch": "sim:", "laser": f"ethercat:{segment.iface}?channel=1"}, "screen-1", 1, fast=False)
-        plan = protocol(300, 600, 450, duration_s=1.0)
+        plan = protocol(300, 600, 450, duration_s=2.0)
         recording = Recording(plan, rig, tmp_path / "s.h5", disturb)
     assert recording.error is None, recording.error
     session = read_session(recording.path)
