@@ -11,7 +11,7 @@ import click
 
 from draglag.analysis import Analysis, AnalysisOptions, with_stylus
 from draglag.analysis import analyze as analyze_session
-from draglag.analysis.arguments import LATENCY_S, RATE_HZ, STYLUS_MM
+from draglag.analysis.arguments import LATENCY_S, RATE_HZ
 from draglag.analysis.tables import RUN_COLUMNS
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
@@ -19,17 +19,15 @@ from draglag.instruments.clocks import rate_words
 from draglag.latency.estimate import WINDOW_S
 from draglag.latency.estimators import OWN, estimator_names
 from draglag.messages import message
-from draglag.provenance import is_simulated
+from draglag.reading.limits import STYLUS_MM
 from draglag.recording import Session
 from draglag.system.packages import need
 from draglag_app.cli.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing
 from draglag_app.cli.common import (
     FiniteRange,
-    checksum,
     json_option,
     keep_result,
     load_with_state,
-    now_utc,
     number,
     print_json,
     progress,
@@ -38,6 +36,7 @@ from draglag_app.cli.common import (
     table,
     warn,
 )
+from draglag_app.cli.curve_model import save_curve
 from draglag_app.cli.many import (
     conclude,
     is_one,
@@ -236,7 +235,7 @@ def _corrected(data: Session, model_path: Path | None, stylus_mm: float | None) 
 
 def _write(session: Path, data: Session, analysis: Analysis, save_model: Path | None, report: Path | None) -> None:
     if save_model is not None:
-        _save_model(save_model, session, data, analysis)
+        save_curve(save_model, session, data, analysis)
     if report is not None:
         from draglag.report import write_report
 
@@ -274,29 +273,6 @@ def _many(
     legend = "Latency, from 0 ms, against drag speed, from 0 mm/s: runs and the fitted curve, all on one scale."
     conclude(outcomes, ANALYSIS_COLUMNS, _SHOWN, legend=legend, title="Latency of many sessions", out=out,
              summary=summary, as_json=as_json)  # fmt: skip
-
-
-def _save_model(path: Path, source: Path, data: Session, analysis: Analysis) -> None:
-    import draglag
-    from draglag.model.file import Provenance, model_of, save_model
-
-    if analysis.curve is None:
-        raise DataError(message("{source}: there is no curve to save", source=source), "See the verdict on its runs")
-    rate = analysis.options.update_rate_hz
-    provenance = Provenance(
-        session=data.name,
-        simulated=is_simulated(data.devices),
-        screen=data.screen.name,
-        estimator=analysis.options.estimator,
-        stamps="kernel" if rate is None else f"last event held at {rate:g} Hz",
-        runs=tuple(run.id for run in analysis.runs if run.latency_s is not None),
-        input_sha256=checksum(source),
-        created_utc=now_utc(),
-        software=f"draglag {draglag.__version__}",
-        screen_width_mm=data.screen.width_mm,
-        screen_height_mm=data.screen.height_mm,
-    )
-    save_model(model_of(analysis.curve, provenance), path)
 
 
 def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:

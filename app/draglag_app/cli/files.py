@@ -11,6 +11,7 @@ import click
 
 from draglag.errors import DataError
 from draglag.messages import message
+from draglag.reading.limits import STYLUS_MM
 from draglag_app.cli.common import FiniteRange, load_session, progress, refuse_existing, say_warnings, session_argument
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 )
 @click.option("--screen", metavar="NAME", help="Preset or TOML file of the screen.")
 @click.option("--units-per-mm", type=FiniteRange(min=0, min_open=True), metavar="N", help="Of the touchscreen.")
-@click.option("--stylus-mm", type=FiniteRange(0, 100, min_open=True), metavar="MM", help="Diameter of the stylus.")
+@click.option("--stylus-mm", type=FiniteRange(*STYLUS_MM, min_open=True), metavar="MM", help="Diameter of the stylus.")
 @click.option(
     "--protocol",
     type=click.Choice(["circle", "chirp", "multisine", "step", "free"]),

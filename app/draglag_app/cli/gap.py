@@ -25,6 +25,7 @@ from draglag.gap.wording import (
 from draglag.gap.workflow import close_gap
 from draglag.messages import joined, message
 from draglag.model.file import save_model
+from draglag.reading.limits import STYLUS_MM
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, known_effects, title_of
 from draglag.system.packages import need
@@ -70,7 +71,7 @@ from draglag_app.cli.many import (
     metavar="RUN",
     help="Include a run that is excluded for how it went; may be repeated, or `all`.",
 )
-@click.option("--stylus-mm", type=FiniteRange(0, 100, min_open=True), metavar="MM",
+@click.option("--stylus-mm", type=FiniteRange(*STYLUS_MM, min_open=True), metavar="MM",
               help="Diameter of the stylus, where another was recorded.")  # fmt: skip
 @click.option(
     "--provisional",

@@ -9,6 +9,7 @@ from draglag.arguments import names_of, number_in, refused, text_of, truth_of
 from draglag.errors import DataError
 from draglag.messages import message
 from draglag.provenance import source_of
+from draglag.reading.limits import STYLUS_MM
 from draglag.recording import Session
 
 RATE_HZ = (1.0, 10_000.0)
@@ -16,9 +17,6 @@ RATE_HZ = (1.0, 10_000.0)
 
 LATENCY_S = (-2.0, 5.0)
 """Latencies that are searched: a prediction is early, no drag is 5 s late."""
-
-STYLUS_MM = (0.0, 100.0)
-"""Diameters of a stylus, the first excluded: wider than a hand's palm is none."""
 
 ALL = "all"  # the word for every run
 _LISTED = 20  # runs that a sentence lists

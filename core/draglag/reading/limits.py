@@ -52,3 +52,6 @@ CONTACTS = 128
 
 CONTACT = 2**53
 """Largest number of a contact in a table: doubles do not distinguish larger whole numbers."""
+
+STYLUS_MM = (0.0, 100.0)
+"""Diameters of a stylus, the first excluded: wider than a hand's palm is none."""

@@ -18,18 +18,35 @@ FINE_S = 2e-4
 
 def circle_from_rest(speed_mm_s: float, latency_s: float, radius_mm: float, beam_mm: float) -> Run:
     """A robot's circle from rest to rest, shown later by a constant latency, across a beam off its centre."""
-    rng = np.random.default_rng(round(speed_mm_s))
     fine_s = np.arange(0.0, 20.0, FINE_S)
-    u = np.clip(np.minimum(fine_s, fine_s[-1] - fine_s) / RAMP_S, 0.0, 1.0)
-    angle = np.cumsum(speed_mm_s / radius_mm * u**2 * (3 - 2 * u)) * FINE_S
+    ramp = np.clip(np.minimum(fine_s, fine_s[-1] - fine_s) / RAMP_S, 0.0, 1.0)
+    return shown_late(fine_s, ramp, speed_mm_s, latency_s, radius_mm, beam_mm)
+
+
+def shown_late(
+    fine_s: np.ndarray,
+    ramp: np.ndarray,
+    speed_mm_s: float,
+    latency_s: float,
+    radius_mm: float,
+    beam_mm: float,
+    frame_s: float = 0.007,
+    noise_mm: float = 0.03,
+    width_mm: float = D_MM,
+    seed: int | None = None,
+) -> Run:
+    """A circle that travels, at a speed that rises and falls smoothly with ``ramp`` (0 to 1)."""
+    rng = np.random.default_rng(round(speed_mm_s) if seed is None else seed)
+    angle = np.cumsum(speed_mm_s / radius_mm * ramp**2 * (3 - 2 * ramp)) * FINE_S
     x_mm, y_mm = radius_mm * np.cos(angle) + 3.0 * fine_s, radius_mm * np.sin(angle)
-    dark = np.abs(y_mm - beam_mm) < 0.5 * D_MM
+    dark = np.abs(y_mm - beam_mm) < 0.5 * width_mm
     at = np.flatnonzero(np.diff(dark.astype(int)))
-    t_s = np.arange(latency_s, 20.0, 0.007)
-    shown = (np.interp(t_s - latency_s, fine_s, q) + rng.normal(0, 0.03, t_s.size) for q in (x_mm, y_mm))
+    end_s = float(fine_s[-1] + FINE_S)
+    t_s = np.arange(latency_s, end_s, frame_s)
+    shown = (np.interp(t_s - latency_s, fine_s, q) + rng.normal(0, noise_mm, t_s.size) for q in (x_mm, y_mm))
     touch = TouchTrace(t_s, *shown, np.ones(t_s.size, np.int64))
     laser = LaserTrace(fine_s[at] + 0.5 * FINE_S, (~dark[at + 1]).astype(np.int64))
-    return Run("run-01", "circle", 0.0, 20.0, touch, laser, speed_mm_s, radius_mm)
+    return Run("run-01", "circle", 0.0, end_s, touch, laser, speed_mm_s, radius_mm)
 
 
 # Radius of the circle, and by how far the beam misses its centre.
@@ -54,18 +71,9 @@ def test_edges_that_smoothing_moves_in_a_start_rule_no_latency_out(noise_mm: flo
 
 def brisk_start(noise_mm: float, length_s: float) -> Run:
     """A robot's circle that has its speed after 0.3 s, shown 27 ms late."""
-    rng = np.random.default_rng(3)
     fine_s = np.arange(0.0, length_s, FINE_S)
-    u = np.clip(fine_s / 0.3, 0.0, 1.0)
-    angle = np.cumsum(336.0 / 34.3 * u**2 * (3 - 2 * u)) * FINE_S
-    x_mm, y_mm = 34.3 * np.cos(angle) + 3.0 * fine_s, 34.3 * np.sin(angle)
-    dark = np.abs(y_mm - 2.8) < 5.0
-    at = np.flatnonzero(np.diff(dark.astype(int)))
-    t_s = np.arange(0.027, length_s, 1 / 240)
-    shown = (np.interp(t_s - 0.027, fine_s, q) + rng.normal(0, noise_mm, t_s.size) for q in (x_mm, y_mm))
-    touch = TouchTrace(t_s, *shown, np.ones(t_s.size, np.int64))
-    laser = LaserTrace(fine_s[at] + 0.5 * FINE_S, (~dark[at + 1]).astype(np.int64))
-    return Run("run-01", "circle", 0.0, length_s, touch, laser, 336.0, 34.3)
+    ramp = np.clip(fine_s / 0.3, 0.0, 1.0)
+    return shown_late(fine_s, ramp, 336.0, 0.027, 34.3, 2.8, 1 / 240, noise_mm, 10.0, seed=3)
 
 
 def even_circle(speed_mm_s: float, latency_s: float, radius_mm: float = 56.0, beam_mm: float = 24.0) -> Run:
