@@ -18,6 +18,7 @@ from draglag.shown import brief, table_html
 
 FEWEST_EVENTS = 8  # for a movement
 STEEP_S = 0.03  # v · L′(v) from which simulated Screens 1 and 2 are better undone as a whole
+SPREAD = "_min_median_max"  # ends the names of three numbers
 PAUSE_S = 2.0  # what lies further apart is not one movement
 
 
@@ -96,17 +97,23 @@ class Compensated:
             "n_retimed": int(np.count_nonzero(known)),
             "n_placed": int(np.count_nonzero(placed)),
             "n_extrapolated": int(np.count_nonzero(self.extrapolated & known)),
-            "latency_ms_min_median_max": spread(latency_ms),
-            "moved_mm_min_median_max": spread(moved),
+            f"latency_ms{SPREAD}": spread(latency_ms),
+            f"moved_mm{SPREAD}": spread(moved),
             "moved_rms_mm": float(np.sqrt(np.mean(moved**2))) if moved.size else None,
         }
 
     __repr__ = brief
 
     def _repr_html_(self) -> str:
-        rows = [(name, *(value if isinstance(value, list) else [value])) for name, value in self.report().items()]
-        notes = [("note", note) for note in self.notes]
-        return table_html("Compensated touch events", ["", "value or smallest", "median", "largest"], [*rows, *notes])
+        report = self.report()
+        spreads = [(key.removesuffix(SPREAD), *value) for key, value in report.items() if isinstance(value, list)]
+        numbers = [(key, value) for key, value in report.items() if not isinstance(value, list)]
+        notes = table_html("Notes", [""], [(note,) for note in self.notes]) if self.notes else ""
+        return (
+            table_html("Compensated touch events", ["", "number"], numbers)
+            + table_html("Of the events", ["", "smallest", "median", "largest"], spreads)
+            + notes
+        )
 
 
 def merged(t_s: FloatArray, parts: Sequence[tuple[np.ndarray, Compensated]]) -> Compensated:
