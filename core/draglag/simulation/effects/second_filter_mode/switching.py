@@ -16,8 +16,10 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 from draglag.simulation.effects.second_filter_mode.skips import MOSTLY_ALIKE, largest_alike
 from draglag.simulation.effects.second_filter_mode.unsure import state_variance
+from draglag.simulation.effects.second_filter_mode.wandering import SCATTERS, Course, log_likelihood_of_wandering
 
 SIZES_S = np.geomspace(0.003, 0.04, 14)
+ALIKE = 2  # of them on either side of the likeliest: another scatter may make another one the likeliest
 STARTS = (0.1, 0.35, 0.65, 0.9)  # quantiles of a run's latencies that its earlier level is looked for at
 DWELL_S = 4.0
 LEAST_EDGES = 8
@@ -57,8 +59,9 @@ def find_switching(fit: Fit) -> Switching | None:
             steady.append(data.steady)
     if not edges:
         return None
-    each, all_later = _two_levels([(placed.since_start_s[own], late_s[own], sd_s[own]) for own in edges])
-    gains = each.sum(axis=0)
+    courses = [(placed.since_start_s[own], late_s[own], sd_s[own]) for own in edges]
+    likelihood, plain, all_later = _two_levels(courses)
+    gains = 2 * (likelihood - plain[:, None]).sum(axis=0)
     states = [(placed.since_start_s[own], later[:, : own.size]) for own, later in zip(edges, all_later, strict=True)]
     best = int(np.argmax(gains))
     if gains[best] <= 0:
@@ -73,6 +76,9 @@ def find_switching(fit: Fit) -> Switching | None:
         return None
     if _alike_in_time(states, best) > MOSTLY_ALIKE:
         return None
+    near_s = SIZES_S[max(best - ALIKE, 0) : best + ALIKE + 1]
+    if log_likelihood_of_levels(courses, near_s) < log_likelihood_of_wandering(courses):
+        return None
     return Switching(float(SIZES_S[best]), np.array(sorted(spans)), float(gains[best] - EACH_SWITCH * switches))
 
 
@@ -83,6 +89,16 @@ def _alike_in_time(states: list[tuple[FloatArray, FloatArray]], best: int) -> fl
         switched = np.flatnonzero(np.diff(later[best] > 0.5))
         at.append((0.5 * (t[switched] + t[switched + 1]) - t[0]) / (t[-1] - t[0]))
     return largest_alike(np.concatenate(at))
+
+
+def log_likelihood_of_levels(courses: list[Course], sizes_s: FloatArray = SIZES_S) -> float:
+    """Log-likelihood of two levels, at the likeliest size and scatter of them all."""
+    n = sum(t_s.size for t_s, _, _ in courses)
+    out = []
+    for scatter in SCATTERS:
+        likelihood, _, _ = _two_levels([(t_s, late_s, scatter * sd_s) for t_s, late_s, sd_s in courses], sizes_s)
+        out.append(float(likelihood.sum(axis=0).max() - n * np.log(scatter)))
+    return max(out)
 
 
 def refine_times(fit: Fit, size_s: float, setting: Setting) -> Setting:
@@ -170,10 +186,9 @@ def fit_lever(fit: Fit) -> FloatArray:
     return np.asarray(-across * placed.stretch)
 
 
-def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    """Deviance saved (runs, sizes) and probability of the later level (runs, sizes, m of the longest run).
-
-    runs: times, latencies and their standard deviations.
+def _two_levels(runs: list[Course], sizes_s: FloatArray = SIZES_S) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log-likelihood of two levels (runs, sizes), of one (runs,), and probability of the later level (runs, sizes, m of
+    the longest run).
     """
     longest = max(t_s.size for t_s, _, _ in runs)
     t_s, late_s, sd_s = np.zeros((3, len(runs), longest))
@@ -186,9 +201,9 @@ def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[
     one = np.sum(weight * late_s, axis=1) / np.sum(weight, axis=1)
     plain = -0.5 * np.sum(_square((late_s - one[:, None]) / sd_s), axis=1)
     starts = np.array([np.quantile(run[1], STARTS) for run in runs])
-    level = np.repeat(starts[:, None, :], SIZES_S.size, axis=1)
+    level = np.repeat(starts[:, None, :], sizes_s.size, axis=1)
     late, sd, weight = (values[:, None, None, :] for values in (late_s, sd_s, weight))
-    size = SIZES_S[:, None]
+    size = sizes_s[:, None]
     stay = 0.5 * (1 + np.exp(-2 * np.diff(t_s) / DWELL_S))[:, None, None, :]
     later = np.zeros((*level.shape, longest))
     likelihood = np.full(level.shape, -np.inf)
@@ -197,8 +212,8 @@ def _two_levels(runs: list[tuple[FloatArray, FloatArray, FloatArray]]) -> tuple[
         likelihood, later = _forward_backward(off[0], off[1], stay)
         level = np.sum(weight * (late - later * size[..., None]), axis=-1) / np.sum(weight, axis=-1)
     pick = np.argmax(likelihood, axis=2)[:, :, None]
-    gain = 2 * (np.take_along_axis(likelihood, pick, axis=2)[:, :, 0] - plain[:, None])
-    return gain, np.take_along_axis(later, pick[..., None], axis=2)[:, :, 0]
+    best = np.take_along_axis(likelihood, pick, axis=2)[:, :, 0]
+    return best, plain, np.take_along_axis(later, pick[..., None], axis=2)[:, :, 0]
 
 
 def _square(z: FloatArray) -> FloatArray:
