@@ -19,7 +19,7 @@ from draglag.gap.constants import (
 )
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.results import GapReport, Statistic, Tolerated, next_to_unnamed
-from draglag.gap.streams.stamps import first_of_repeats, nothing_repeats, resolution_mm, with_unchanged
+from draglag.gap.streams.stamps import first_of_repeats, nothing_repeats, repeats, resolutions_mm, with_unchanged
 from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate
 from draglag.recording import FloatArray, Session, TouchTrace
@@ -124,17 +124,22 @@ def _repeats(session: Session, again: Session) -> Statistic | None:
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:
         return None
-    step_mm = resolution_mm(own)
+    theirs = [_rounded(touch, resolutions_mm(own)) for touch in theirs]
     if nothing_repeats(own) and not nothing_repeats(theirs):
         own, theirs = (with_unchanged([first_of_repeats(touch) for touch in each]) for each in (own, theirs))
-    measured, simulated = _repeated(own, 0.0), _repeated(theirs, step_mm)
+    measured, simulated = _repeated(own), _repeated(theirs)
     agrees = abs(measured - simulated) < REPEATS_AS_OFTEN
     return Statistic(REPEATS, "host_tick", measured, simulated, "share of events", agrees)
 
 
-def _repeated(touches: list[TouchTrace], step_mm: float) -> float:
-    def still(values_mm: FloatArray) -> np.ndarray:
-        shown = np.round(values_mm / step_mm) if step_mm > 0 else values_mm
-        return np.asarray(np.diff(shown) == 0)
+def _rounded(touch: TouchTrace, steps_mm: tuple[float, float]) -> TouchTrace:
+    """A trace in whole steps of x and y, where measured ones have any."""
+    x_mm, y_mm = (
+        step * np.round(values / step) if step > 0 else values
+        for values, step in zip((touch.x_mm, touch.y_mm), steps_mm, strict=True)
+    )
+    return replace(touch, x_mm=x_mm, y_mm=y_mm)
 
-    return float(np.mean(np.concatenate([still(t.x_mm) & still(t.y_mm) for t in touches])))
+
+def _repeated(touches: list[TouchTrace]) -> float:
+    return float(np.mean(np.concatenate([repeats(touch) for touch in touches])))

@@ -9,6 +9,7 @@ import pytest
 from core import sound_sessions
 from draglag.gap import close_gap
 from draglag.gap.check import compared_statistics
+from draglag.gap.constants import REPEATS_AS_OFTEN
 from draglag.gap.replaying.replay import replay
 from draglag.gap.results import Tolerated
 from draglag.gap.streams.stamps import first_of_repeats
@@ -61,6 +62,20 @@ def test_frames_that_a_kernel_leaves_out_are_compared_as_repeats(sent: bool, agr
     (repeats,) = [one for one in compared_statistics(session, again) if one.name == "repeated positions"]
     assert repeats.agrees is agrees
     assert repeats.simulated > 0.1
+
+
+def test_coarse_steps_whose_repeats_a_kernel_leaves_out_agree_with_positions_simulated_between_them() -> None:
+    panel = replace(rig_for_screen("screen-1"), resolution_mm=0.3, touch_rate_hz=360.0)
+    whole = simulate_session(panel, sound_sessions.brief_protocol(), seed=5)
+    session = sound_sessions.with_touch(whole, first_of_repeats)
+    last = close_gap(session, max_effects=0).last
+    assert last is not None
+    for measured in (whole, session):
+        (share,) = [
+            one for one in compared_statistics(measured, replay(session, last, {})) if one.name == "repeated positions"
+        ]
+        assert share.agrees
+        assert share.measured > REPEATS_AS_OFTEN
 
 
 def test_a_width_that_is_tolerated_disagrees_with_no_simulation() -> None:
