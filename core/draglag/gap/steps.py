@@ -23,6 +23,7 @@ from draglag.gap.proposing.proposals import shown_by_traces
 from draglag.gap.replaying.realised import made
 from draglag.gap.results import BY_TAPS, GapReport, LawStatement, NoisePart, Step, Tolerated, next_to_unnamed
 from draglag.gap.steps_by_taps import with_taps
+from draglag.gap.streams.interpolated import is_interpolated
 from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
 from draglag.gap.streams.stalls import stalls
 from draglag.gap.streams.stamps import StreamEffect
@@ -263,4 +264,4 @@ def _unnamed_in_streams(
     found = next(shown, None)
     if found is not None:
         return effect_class(found).follows
-    return STALLS_FOLLOW if all(stalls(session) for session in sessions) else None
+    return STALLS_FOLLOW if all(stalls(session) or is_interpolated(session) for session in sessions) else None

@@ -21,7 +21,18 @@ def inspect(session: Session) -> tuple[tuple[StreamEffect, ...], Session]:
     found: list[StreamEffect] = []
     homes = sorted((home for home in EFFECTS.values() if home.detected_by), key=lambda home: home.detection_order)
     for home in homes:
-        effect, runs = import_module(home.detected_by).detect(streams, runs)
-        if effect is not None:
-            found.append(effect)
+        effect, repaired = import_module(home.detected_by).detect(streams, runs)
+        if effect is None or _possible(effect):
+            runs = repaired
+            found += [] if effect is None else [effect]
     return tuple(found), replace(session, runs=runs)
+
+
+def _possible(effect: StreamEffect) -> bool:
+    """Whether every parameter lies within its bounds: beyond them it is something else."""
+    bounds = {spec.name: spec for spec in EFFECTS[effect.effect].parameters}
+    return all(
+        bounds[name].lower <= value <= bounds[name].upper
+        for name, (value, _) in effect.parameters.items()
+        if name in bounds
+    )

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from draglag.gap.streams.interpolated import reports_a_scan_in
 from draglag.gap.streams.stamps import WHOLE, StreamEffect, Streams
 from draglag.messages import message
 from draglag.recording import FloatArray, Run, TouchTrace
@@ -20,15 +21,20 @@ SMOOTH, SPEEDS = 7, 24  # events, and speeds of a session, over which a bend is 
 LARGE_MM2 = 1e6  # where nothing is known
 QUANTILE, NEIGHBOURS = 0.3, 5  # of the events at a speed, more than any fills; speeds that may be one
 BY_CHANCE = 0.01  # stretches in a session that chance may make
-# Times the variance of rounding that bends must have all through a run, but for a share of its events (%).
+# Times the variance of rounding (or the square of a line's largest bend) that bends must have, all through a run but
+# for a share of its events (%).
 INFORMATIVE, LEAST_USUAL = 4.0, 10.0
 UNEVEN = 0.5  # of a frame that an interval may differ from it by
 INDEPENDENT = 0.8  # of bends; neighbours share two events
+OF_BEND = 0.02  # of the usual bend at a speed: fills have none. Three in a row by chance: one in 1e10 events. Derived
+DECIMALS_MM = 2e-4  # largest bend of a line in coordinates of four decimals. Derived
 LEAST_STEPS = 0.5  # of whole coordinates from event to event of a line: with fewer, most positions stand still
 
 
 def detect(streams: Streams, runs: tuple[Run, ...]) -> tuple[StreamEffect | None, tuple[Run, ...]]:
-    """Filled contact losses, and runs without the filling."""
+    """Filled contact losses, and runs without the filling; none where every scan is followed by a line."""
+    if streams.of(reports_a_scan_in) > 1:
+        return None, runs
     return filled_losses(runs, streams.of(loop_in) is not None, streams.steps_mm)
 
 
@@ -55,7 +61,7 @@ def _filled(
     total_s = 0.0
     out = []
     touches = [replace(run.touch, t_s=_by_count(run.touch.t_s)) if by_count else run.touch for run in runs]
-    usual_bend = _usual_at_speed(touches) if all(steps_mm) else {}
+    usual_bend = _usual_at_speed(touches)
     for index, run in enumerate(runs):
         out.append(run)
         t = run.touch.t_s
@@ -75,14 +81,18 @@ def _filled(
     touching_s = max(total_s - sum(length_s), 1.0)  # contact is lost while there is contact
     per_min = 60 * count / touching_s
     reach = 1.96 * math.sqrt(count) * 60 / touching_s
+    ordered_s = np.sort(length_s)
+    ranks = np.clip(np.round(0.5 * (count - 1) + np.array([-0.98, 0.0, 0.98]) * math.sqrt(count)), 0, count - 1)
+    low_s, usual_s, high_s = (float(ordered_s[int(rank)]) for rank in ranks)
     effect = StreamEffect(
         LossOfContact.id,
         "losses_per_min",
         per_min,
         (per_min - reach, per_min + reach),
         message("straight lines in the trace"),
-        f"{count} straight fills of {1e3 * float(np.median(length_s)):.0f} ms (median)",
+        f"{count} straight fills of {1e3 * usual_s:.0f} ms (median)",
         count / max(len(runs), 1),
+        also=(("duration_s", usual_s, (low_s, high_s)),),
     )
     return effect, tuple(out)
 
@@ -121,8 +131,10 @@ def _lines(
     touch: TouchTrace, uneven_ages: bool, steps_mm: FloatArray, usual_bend: FloatArray | None, n_events: int
 ) -> np.ndarray | None:
     """Inner events (n − 2,) on lines that noise forbids; None where rounding alone makes lines."""
-    off, straight = _straight(touch, uneven_ages)
-    if not steps_mm.all() or usual_bend is None:
+    if usual_bend is None:
+        return None
+    off, straight = _straight(touch, usual_bend, uneven_ages)
+    if not steps_mm.all():
         return straight
     even = _even(touch.t_s)
     rounding_mm2 = steps_mm**2 / 8  # of a middle less its neighbours' mean, 1.5 times one coordinate's
@@ -139,8 +151,8 @@ def _between_steps(touch: TouchTrace, steps_mm: FloatArray) -> np.ndarray:
     return np.asarray((np.abs(steps - np.round(steps)) > WHOLE).any(axis=1))
 
 
-def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndarray]:
-    """Distance of inner events from the line between their neighbours, (2, n − 2); whether none."""
+def _straight(touch: TouchTrace, usual_mm2: FloatArray, uneven_ages: bool) -> tuple[FloatArray, np.ndarray]:
+    """Distance of inner events from the line between their neighbours, (2, n − 2); whether none, where one is usual."""
     t, x, y = touch.t_s, touch.x_mm, touch.y_mm
     share = (t[1:-1] - t[:-2]) / np.maximum(t[2:] - t[:-2], 1e-9)
     off = np.array([v[1:-1] - v[:-2] - share * (v[2:] - v[:-2]) for v in (x, y)])
@@ -150,7 +162,10 @@ def _straight(touch: TouchTrace, uneven_ages: bool) -> tuple[FloatArray, np.ndar
         chord = np.hypot(x[2:] - x[:-2], y[2:] - y[:-2])
         bend = np.abs(off[0] * (y[2:] - y[:-2]) - off[1] * (x[2:] - x[:-2])) / np.maximum(chord, 1e-9)
     moving = np.hypot(np.diff(x), np.diff(y))[1:] > 0
-    return off, (bend < 0.02 * np.median(bend) + 2e-4) & moving
+    usual_mm = np.sqrt(2 * usual_mm2)
+    limit_mm = OF_BEND * usual_mm + DECIMALS_MM
+    shows = usual_mm**2 > INFORMATIVE * limit_mm**2
+    return off, (bend < limit_mm) & shows & moving
 
 
 def _usual_around(
