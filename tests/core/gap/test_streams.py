@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from bench.strokes import even_strokes
 from core.sound_sessions import recorded, with_touch
 from draglag.gap.correction import realise
 from draglag.gap.streams.evidence import inspect
@@ -16,10 +17,11 @@ from draglag.gap.streams.stalls import stalls
 from draglag.gap.streams.stamps import first_of_repeats, resolution_mm
 from draglag.gap.traces.dewarped import DewarpedKinematics, spectrum_of
 from draglag.gap.traces.run_data import gather
+from draglag.latency.steady import has_constant_speed
 from draglag.model.file import ModelEffect
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Session, TouchTrace
-from draglag.simulation import simulate_session
+from draglag.simulation import LatencyLaw, rig_for_screen, simulate_session
 from draglag.simulation.effects import parse_effects
 from draglag.simulation.effects.base import Edges
 from draglag.simulation.effects.laser_bounce import LaserBounce
@@ -360,6 +362,19 @@ def test_a_hand_that_rests_is_no_stall(sound: Session) -> None:
         return in_steps(replace(touch, x_mm=x, y_mm=y), 0.1)
 
     assert not stalls(with_touch(sound, resting))
+
+
+@pytest.mark.parametrize("frozen_s", [0.0, 0.04])
+def test_what_a_steep_law_does_at_turns_is_no_stall(sound: Session, frozen_s: float) -> None:
+    """Late where the stylus turns, positions of whole steps stand there and leap; frozen ones do so anywhere."""
+    rig = replace(rig_for_screen("screen-1"), law=LatencyLaw(300.0, 0.01, 0.0, 0.03, 43.0), noise_mm=0.02)
+    run, _ = even_strokes(rig, 350.0, 150.0, turn_s=0.25)
+    assert has_constant_speed(run)
+    touch = in_steps(run.touch, 0.25)
+    for start_s in np.arange(touch.t_s[0] + 0.5, touch.t_s[-1] - 0.5, 0.3333) if frozen_s else ():
+        held = np.flatnonzero((touch.t_s >= start_s) & (touch.t_s < start_s + frozen_s))
+        touch.x_mm[held], touch.y_mm[held] = touch.x_mm[held[0]], touch.y_mm[held[0]]
+    assert stalls(replace(sound, runs=(replace(run, touch=touch),))) == (frozen_s > 0)
 
 
 def test_a_busy_host_s_jitter_is_no_stall(sound: Session) -> None:

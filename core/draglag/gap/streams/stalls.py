@@ -6,7 +6,7 @@ import numpy as np
 
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.streams.evidence import FEWEST
-from draglag.gap.streams.stamps import OF_STEPS, repeats, resolution_mm, stood
+from draglag.gap.streams.stamps import OF_STEPS, TURNING, repeats, resolution_mm, stood
 from draglag.latency.steady import has_constant_speed
 from draglag.recording import FloatArray, Session, TouchTrace
 
@@ -54,8 +54,17 @@ def _stood_mm(touch: TouchTrace, step_mm: float) -> FloatArray:
     held &= leap_mm > OF_STEPS * step_mm
     if touch.contact_id.size == touch.t_s.size:
         held &= np.diff(touch.contact_id[fresh]) == 0  # another contact lies elsewhere
+    held &= _moving(touch)[fresh[:-1]]
     out[events] = np.where(held[np.searchsorted(fresh, begin)], behind_mm, 0.0)
     return _as_fitted(out)
+
+
+def _moving(touch: TouchTrace) -> np.ndarray:
+    """Whether positions came to each event (n,) at about their usual speed, and not as strokes to their turn."""
+    before = np.maximum(np.arange(touch.t_s.size) - AVERAGED, 0)
+    way_mm = np.hypot(touch.x_mm - touch.x_mm[before], touch.y_mm - touch.y_mm[before])
+    speed_mm_s = way_mm / np.maximum(touch.t_s - touch.t_s[before], 1e-9)
+    return np.asarray(speed_mm_s > TURNING * float(np.median(speed_mm_s)))
 
 
 def _as_fitted(values: FloatArray) -> FloatArray:

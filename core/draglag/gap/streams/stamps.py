@@ -24,6 +24,7 @@ SMALL = 4  # steps between two events at which it shows whether they are whole. 
 WHOLE, SHARE_WHOLE = 0.1, 0.5  # of a step; of the distances, for fills may have any: by chance a fifth. Judgement
 OF_STEPS = 2.5  # steps of whole coordinates, below which those alone make positions stand still. Derived
 LONGEST_HOLD = 60  # frames without a change: more, and the stylus rests or is lost. Judgement
+TURNING = 0.5  # of the usual speed: at the turns of strokes a steep law stalls and skips. Judgement
 Found = TypeVar("Found")
 
 

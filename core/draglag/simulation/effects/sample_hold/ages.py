@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from draglag.gap.streams.stamps import FAST_MM_S
+from draglag.gap.streams.stamps import FAST_MM_S, TURNING
 from draglag.recording import TouchTrace
 
 UNEVEN_AGE = 0.03  # of the interval between stamps
@@ -12,7 +12,6 @@ FEWEST = 200  # steps of a run that shows the scatter of its ages
 CERTAIN = 4.0  # standard errors by which noise of single events, however large, leaves ages even. Derived: one in 3e4
 # Of the mean square of n third differences of white noise, in its square: 2 (1 + 2 (15² + 6² + 1²) / 20²). Derived
 SHAKY = 4.62
-TURNING = 0.5  # of the usual speed, on either side: at the turns of strokes a steep law stalls and skips. Judgement
 REMAINING = 0.7  # of the unevenness; where the ages were found, 0.1 to 0.5 of it stay
 
 
