@@ -16,7 +16,7 @@ from draglag.instruments.taps import TapSummary, summarise_taps
 from draglag.latency import RunEstimate, estimate_on_clock, with_systematics
 from draglag.latency.batched import batch_warnings
 from draglag.latency.budget import common_delay_u_s
-from draglag.latency.conduct import gives_point, recorded_again, why_excluded, with_conduct
+from draglag.latency.conduct import gives_point, left_out_as_uneven, recorded_again, why_excluded, with_conduct
 from draglag.latency.estimate import WINDOW_S, prepare
 from draglag.latency.estimators import estimator_of
 from draglag.latency.half_turns import decided_by_others
@@ -192,7 +192,7 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     ]
     tap_bound_s = tap_uncertainty_s(session.taps, session.clocks)
     taps = summarise_taps(session.taps, tap_bound_s)
-    curve, trouble = _curve([e for e in estimates if e.id not in excluded], taps, options, reach_s)
+    curve, trouble = _curve(session.runs, estimates, excluded, taps, options, reach_s)
     problems += trouble
     validation, trouble = _validate(session, curve, options, excluded, on_progress)
     problems += trouble
@@ -260,7 +260,12 @@ def curve_points(estimates: Sequence[RunEstimate]) -> CurvePoints:
 
 
 def _curve(
-    estimates: list[RunEstimate], taps: Mapping[str, TapSummary], options: AnalysisOptions, reach_s: float
+    runs: Sequence[Run],
+    estimates: Sequence[RunEstimate],
+    excluded: Mapping[str, str],
+    taps: Mapping[str, TapSummary],
+    options: AnalysisOptions,
+    reach_s: float,
 ) -> tuple[CurveFit | None, list[str]]:
     tied_s, tied_se_s = None, 0.0
     problems: list[str] = []
@@ -269,7 +274,7 @@ def _curve(
             tied_s, tied_se_s = taps["release"].median_s, taps["release"].median_se_s
         else:
             problems.append(message("the asymptote could not be tied: the session has no release taps"))
-    points = curve_points(estimates)
+    points = curve_points([e for e in estimates if e.id not in excluded])
     try:
         if options.form == "best":
             curve = fit_best(points, tied_s, tied_se_s=tied_se_s)
@@ -281,7 +286,8 @@ def _curve(
             message("unknown curve form {form}", form=repr(options.form)), "See draglag analyze --help"
         ) from None
     except EstimateError as error:
-        return None, [*problems, error.message]
+        uneven = left_out_as_uneven(runs, excluded)  # more runs of that kind would be left out, too
+        return None, [*problems, EstimateError(error.problem, uneven[0]).message if uneven else error.message]
 
 
 def _with_common_shift(curve: CurveFit, reach_s: float) -> CurveFit:

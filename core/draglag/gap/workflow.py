@@ -19,7 +19,7 @@ from draglag.gap.steps import reported
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.traces.run_data import gather
 from draglag.gap.traces.searched import searched
-from draglag.latency.conduct import Estimates, kept_runs
+from draglag.latency.conduct import Estimates, kept_runs, left_out_as_uneven
 from draglag.messages import message
 from draglag.provenance import is_simulated
 from draglag.recording import Session
@@ -48,8 +48,11 @@ def close_gap(
     Raises DataError for an unknown candidate.
     """
     allowed = known_effects(candidates)
+    whole = session
     session, excluded, estimates = kept_runs(session, include, searched(session))
     report = _closed(session, estimates, max_effects, allowed, progress or (lambda fraction, text: None))
+    if report.missing:
+        report = replace(report, missing=(*report.missing, *left_out_as_uneven(whole.runs, excluded)))
     return replace(report, excluded=excluded, simulated=is_simulated(session.devices))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,8 @@ import numpy as np
 from draglag.latency.estimate import RunEstimate
 from draglag.latency.half_turns import decided_by_others
 from draglag.latency.run import estimate_run
-from draglag.latency.steady import CHANGED, has_constant_speed
+from draglag.latency.steady import CHANGED, SPREAD, has_constant_speed, listed, spread_in_trace
+from draglag.messages import message
 from draglag.recording import FloatArray, Run, Session
 
 # Source of the entry in a run's log that says that the recording program, or its computer, stood still.
@@ -23,14 +24,18 @@ FEWEST_PASSES = 0.5
 # asked was another movement.
 NOTICEABLY, FAR = 1.25, 2.0
 Estimates = tuple[tuple[Run, RunEstimate], ...]
+UNEVEN_TRACE, _WORDED = "uneven_trace", "uneven trace"
 EXCLUDED = (
-    "aborted", "device_lost", "failed", PRACTICE, STANDSTILL, "laser_missing", "far_from_nominal", "speed_changed"
+    "aborted", "device_lost", "failed", PRACTICE, STANDSTILL, "laser_missing", "far_from_nominal", "speed_changed",
+    UNEVEN_TRACE
 )  # fmt: skip
 
 
 def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
     """The estimate with these flags put first."""
     flags = _outcome(run)
+    if _uneven_trace(estimate, run):  # nor is its speed the stylus' own
+        return replace(estimate, flags=tuple(dict.fromkeys((*flags, UNEVEN_TRACE, *estimate.flags))))
     share = _observed_passes(estimate, run)
     if share is not None and share < FEWEST_PASSES:
         flags.append("laser_missing")
@@ -76,6 +81,31 @@ def why_excluded(
         for flag in _outcome(run):
             found.setdefault(run.id, flag.replace("_", " "))
     return {run_id: why for run_id, why in found.items() if why and run_id not in include}
+
+
+def left_out_as_uneven(runs: Iterable[Run], excluded: Mapping[str, str]) -> list[str]:
+    """Words on free drags without a latency of their own for want of an even speed; none without.
+
+    ``excluded``: of ``why_excluded``.
+    """
+    uneven = [
+        run.id
+        for run in runs
+        if run.protocol == "free" and (not has_constant_speed(run) or _WORDED in excluded.get(run.id, ""))
+    ]
+    if not uneven:
+        return []
+    return [
+        message(
+            "1 free drag is left out ({runs}), its speed or its touch trace is uneven at the beam: cross it at an "
+            "even speed, and turn far from it"
+            if len(uneven) == 1
+            else "{n} free drags are left out ({runs}), their speed or their touch trace is uneven at the beam: cross "
+            "it at an even speed, and turn far from it",
+            n=len(uneven),
+            runs=listed(uneven),
+        )
+    ]
 
 
 def recorded_again(runs: Sequence[Run], estimates: Iterable[RunEstimate], excluded: Collection[str]) -> dict[str, str]:
@@ -136,6 +166,15 @@ def _halves(estimate: RunEstimate) -> float:
     if not early.any() or early.all():
         return 1.0
     return _ratio(float(speed[early].mean()), float(speed[~early].mean()))
+
+
+def _uneven_trace(estimate: RunEstimate, run: Run) -> bool:
+    """Whether a free drag is even by the light alone, and not in its trace at its own latency either: where latency
+    falls steeply with speed, a trace stands while the stylus turns and leaps after it, past edges that are near."""
+    if run.protocol != "free" or estimate.alignment is None or spread_in_trace(run) <= SPREAD:
+        return False
+    speed = estimate.alignment.speed_mm_s
+    return float(speed.std()) > SPREAD * float(speed.mean())
 
 
 def _observed_passes(estimate: RunEstimate, run: Run) -> float | None:

@@ -177,13 +177,16 @@ def prepare(run: Run, stylus_diameter_mm: float, update_rate_hz: float | None = 
         raise EstimateError(
             message("{run}: one touch event every {dt_s:.3g} s", run=run.id, dt_s=dt_s), "Give all times in seconds"
         )
-    step = max(1, round(0.02 / dt_s))  # speed over about 20 ms: coarse, only for telling bounces from edges
-    if touch.t_s.size > step:
-        moved = np.hypot(touch.x_mm[step:] - touch.x_mm[:-step], touch.y_mm[step:] - touch.y_mm[:-step])
-        coarse = moved / (touch.t_s[step:] - touch.t_s[:-step])
-        high = int(0.95 * (coarse.size - 1))
-        fastest = float(np.partition(coarse, high)[high])
-    else:
-        fastest = 1000.0
-    edges = clean_edges(run.laser, stylus_diameter_mm, fastest)
+    edges = clean_edges(run.laser, stylus_diameter_mm, fastest_mm_s(touch))
     return Prepared(run, touch, edges, stamps, dt_s, stylus_diameter_mm, n_strays)
+
+
+def fastest_mm_s(touch: TouchTrace) -> float:
+    """A trace's fastest speed over about 20 ms: coarse, only for telling bounces from edges."""
+    step = max(1, round(0.02 / sample_interval_s(touch.t_s)))
+    if touch.t_s.size <= step:
+        return 1000.0
+    moved = np.hypot(touch.x_mm[step:] - touch.x_mm[:-step], touch.y_mm[step:] - touch.y_mm[:-step])
+    coarse = moved / (touch.t_s[step:] - touch.t_s[:-step])
+    high = int(0.95 * (coarse.size - 1))
+    return float(np.partition(coarse, high)[high])

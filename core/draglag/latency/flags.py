@@ -24,6 +24,7 @@ MEANING = {
     "far_from_nominal": "the speed was less than half or more than twice the nominal one: it is not in the curve",
     "off_speed": "the speed was more than a quarter off the nominal one: the curve uses the measured speed",
     "speed_changed": "the speed changed midway by more than half: it is not in the curve; record it again",
+    "uneven_trace": "the stylus crosses evenly, its trace does not: it is not in the curve; turn far from the beam",
     "clock_uncertain": "the laser's clock may shift the latency by more than 1 ms: compare the clocks again",
     "clock_unknown": "the laser's clock was never compared with the host's: a shift of the latency would not show",
 }

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from draglag.latency.estimate import FEWEST_EDGES, GUESS_S
+from draglag.latency.edges import Edges, clean_edges
+from draglag.latency.estimate import FEWEST_EDGES, GUESS_S, fastest_mm_s
 from draglag.messages import message
 from draglag.path.events import last_of_batches, sample_interval_s, usable
-from draglag.path.local_fit import local_fit
+from draglag.path.local_fit import LocalFit, local_fit
 from draglag.recording import FloatArray, Run, TouchTrace
 
 # Faster over slower speed of a run: a mean over two speeds is no point of a curve that bends. Judgement
@@ -29,16 +30,20 @@ def changing_warnings(runs: Iterable[Run]) -> list[str]:
     changing = [run.id for run in runs if run.protocol == "free" and not has_constant_speed(run)]
     if not changing:
         return []
-    listed = ", ".join(changing[:LISTED]) + (", …" if len(changing) > LISTED else "")
     return [
         message(
             "1 free drag changes its speed: compared with the curve, no point of it ({runs})"
             if len(changing) == 1
             else "{n} free drags change their speed: compared with the curve, no points of it ({runs})",
             n=len(changing),
-            runs=listed,
+            runs=listed(changing),
         )
     ]
+
+
+def listed(ids: Sequence[str]) -> str:
+    """The first ids, for a sentence."""
+    return ", ".join(ids[:LISTED]) + (", …" if len(ids) > LISTED else "")
 
 
 def keeps_speed(run: Run) -> bool:
@@ -50,15 +55,55 @@ def keeps_speed(run: Run) -> bool:
 
 
 def speed_spread(run: Run) -> float:
-    """Standard deviation over mean of the speed at the edges; 0 of fewer than ``FEWEST_EDGES``."""
+    """Standard deviation over mean of the speed at the edges; 0 of fewer than ``FEWEST_EDGES``.
+
+    The lesser of what trace and light say, for what misleads either adds to its spread: a trace is read at a guessed
+    latency, over a window into which the turns of quick strokes fall, and may leap out of them. Where light alone says
+    so, ``latency.conduct`` looks at the trace again, at the latency found.
+    """
+    return min(spread_in_trace(run), _spread_in_light(run))
+
+
+def spread_in_trace(run: Run) -> float:
+    """``speed_spread`` as the trace alone has it."""
     touch = last_of_batches(usable(run.touch))
     if touch.t_s.size < FEWEST_EDGES:
         return 0.0
     return _spread(touch, run.laser.t_s[np.isfinite(run.laser.t_s)] + GUESS_S)
 
 
+def _spread_in_light(run: Run) -> float:
+    """The same by how long the stylus keeps the light away; infinite of fewer than ``FEWEST_EDGES`` passages.
+
+    Across the beam its speed is its width, in the units of the trace, over that time; along it, the trace's.
+    """
+    touch = last_of_batches(usable(run.touch))
+    edges = clean_edges(run.laser, 0.0, 1.0)
+    if touch.t_s.size < FEWEST_EDGES or edges.t_s.size < FEWEST_EDGES:
+        return float("inf")
+    dark_s, v_mm_s = _passages(touch, edges)
+    width_mm = float(np.median(np.abs(v_mm_s[:, 1]) * dark_s)) if dark_s.size else 0.0
+    dark_s, v_mm_s = _passages(touch, clean_edges(run.laser, width_mm, fastest_mm_s(touch)))
+    if dark_s.size < FEWEST_EDGES or not width_mm:
+        return float("inf")
+    speed = np.hypot(width_mm / dark_s, v_mm_s[:, 0])
+    return float(speed.std() / speed.mean())
+
+
+def _passages(touch: TouchTrace, edges: Edges) -> tuple[FloatArray, FloatArray]:
+    """How long each passage within the trace is dark, (k,), and the trace's velocity there, (k, 2)."""
+    dark = np.flatnonzero(edges.falling[:-1] & ~edges.falling[1:])
+    from_s, to_s = edges.t_s[dark], edges.t_s[dark + 1]
+    fit = _fitted(touch, 0.5 * (from_s + to_s) + GUESS_S)
+    return (to_s - from_s)[fit.ok], fit.v_mm_s[fit.ok]
+
+
 def _spread(touch: TouchTrace, at_s: FloatArray) -> float:
-    half_s = max(HALF_S, 4.5 * sample_interval_s(touch.t_s))
-    fit = local_fit(touch.t_s, np.column_stack([touch.x_mm, touch.y_mm]), at_s, half_s)
+    fit = _fitted(touch, at_s)
     speed = fit.speed_mm_s[fit.ok]
     return float(speed.std() / speed.mean()) if speed.size >= FEWEST_EDGES and speed.any() else 0.0
+
+
+def _fitted(touch: TouchTrace, at_s: FloatArray) -> LocalFit:
+    half_s = max(HALF_S, 4.5 * sample_interval_s(touch.t_s))
+    return local_fit(touch.t_s, np.column_stack([touch.x_mm, touch.y_mm]), at_s, half_s)

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from tests.realistic.session import make_session
 
+from bench.strokes import even_strokes
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.curve import CurvePoints, fit_best
 from draglag.errors import EstimateError
 from draglag.gap import close_gap
 from draglag.gap.results import unjudged
 from draglag.recording import Run, Session, empty_laser
+from draglag.simulation import rig_for_screen
 
 
 @pytest.fixture(scope="module")
@@ -132,6 +134,22 @@ def test_three_speeds_give_no_curve_but_say_how_many_are_needed(session: Session
     found = analyze(three)
     assert found.curve is None
     assert any("3 different speeds are too few for a curve: at least 5 are needed" in text for text in found.problems)
+
+
+def test_too_few_speeds_of_uneven_drags_ask_for_even_ones(session: Session) -> None:
+    uneven = [
+        even_strokes(rig_for_screen("screen-1"), v, 120.0, speeds=(1.0, 0.5), off_middle=0.3, run_id=f"free-{v:.0f}")[0]
+        for v in (250.0, 350.0)
+    ]
+    few = replace(session, runs=(*(of(session, v) for v in (90.0, 200.0, 420.0)), *uneven))
+    said = (
+        "2 free drags are left out (free-250, free-350), their speed or their touch trace is uneven at the beam: "
+        "cross it at an even speed, and turn far from it"
+    )
+    found = analyze(few)
+    assert f"3 different speeds are too few for a curve: at least 5 are needed. {said}." in found.problems
+    assert not any("more speeds" in text for text in found.problems)
+    assert said in close_gap(few).missing
 
 
 def test_repeats_of_a_speed_count_once() -> None:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from bench.rigs import circle_run, rig_with_latency
+from bench.strokes import even_strokes
 from draglag.latency import estimate_run
-from draglag.latency.steady import has_constant_speed, keeps_speed
+from draglag.latency.conduct import excluded_because, with_conduct
+from draglag.latency.steady import SPREAD, has_constant_speed, keeps_speed, spread_in_trace
 from draglag.recording import Run
-from draglag.simulation import Rig, RunTruth, rig_for_screen, simulate_run_with_truth
+from draglag.simulation import LatencyLaw, Rig, RunTruth, rig_for_screen, simulate_run_with_truth
 from draglag.simulation.kinematics import GRID_HZ, Motion
 
 PEAKS_MM_S = (120.0, 250.0, 450.0)
@@ -62,3 +64,57 @@ def test_strokes_have_one_speed_at_the_beam_alone() -> None:
 
 def test_a_circle_without_its_name_keeps_its_speed() -> None:
     assert keeps_speed(replace(circle_run(250.0, 1)[0], protocol="free"))
+
+
+def spread(truth: RunTruth) -> float:
+    return float(truth.speed_mm_s.std() / truth.speed_mm_s.mean())
+
+
+@pytest.mark.parametrize(
+    ("rig", "speed_mm_s", "way_mm", "off_middle"),
+    [
+        (rig_for_screen("screen-1"), 600.0, 80.0, 0.15),
+        (rig_with_latency(0.12), 450.0, 60.0, 0.0),
+        (rig_with_latency(0.12), 700.0, 60.0, 0.0),
+    ],
+    ids=["near turns", "late", "late and near turns"],
+)
+def test_strokes_that_cross_evenly_between_near_turns_have_one_latency(
+    rig: Rig, speed_mm_s: float, way_mm: float, off_middle: float
+) -> None:
+    """86 to 133 ms a stroke: a window of 0.2 s sees turns, and so does the trace 60 ms after the edge."""
+    rig = replace(rig, run_latency_sd_s=0.0)
+    run, truth = even_strokes(rig, speed_mm_s, way_mm, turn_s=0.05, off_middle=off_middle)
+    assert spread(truth) < 0.001
+    assert spread_in_trace(run) > SPREAD
+    assert has_constant_speed(run)
+    found = with_conduct(estimate_run(run, rig.stylus.diameter_mm), run)
+    assert excluded_because(found) == ""
+    assert found.latency_s == pytest.approx(truth.mean_latency_s, abs=3 * (found.latency_se_s or 0.0))
+
+
+@pytest.mark.parametrize(
+    ("speeds", "along"),
+    [((1.0, 0.5), (0.0,)), ((1.0,), (0.0, 1.5, 0.0, -1.5))],
+    ids=["across the beam", "along it"],
+)
+@pytest.mark.parametrize("way_mm", [60.0, 120.0])
+def test_strokes_of_two_speeds_have_no_latency_of_their_own(
+    way_mm: float, speeds: tuple[float, ...], along: tuple[float, ...]
+) -> None:
+    rig = rig_for_screen("screen-1")
+    run, truth = even_strokes(rig, 250.0, way_mm, speeds=speeds, along=along, off_middle=0.3 if len(speeds) > 1 else 0)
+    assert spread(truth) > SPREAD
+    assert not has_constant_speed(run)
+
+
+def test_even_strokes_whose_trace_leaps_past_the_edges_are_left_out() -> None:
+    """A steep law holds the trace up where the stylus turns: it leaps through the beam."""
+    rig = replace(rig_for_screen("screen-1"), law=LatencyLaw(300.0, 0.01, 0.0, 0.03, 40.0), run_latency_sd_s=0.0)
+    run, truth = even_strokes(rig, 450.0, 90.0, turn_s=0.15, off_middle=0.2)
+    assert spread(truth) < 0.03
+    assert has_constant_speed(run)
+    found = estimate_run(run, rig.stylus.diameter_mm)
+    assert found.latency_s is not None
+    assert found.latency_s > truth.mean_latency_s + 0.002
+    assert excluded_because(with_conduct(found, run)) == "uneven trace"
