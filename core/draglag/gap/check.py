@@ -19,7 +19,8 @@ from draglag.gap.constants import (
 )
 from draglag.gap.replaying.replay import Replay, replay
 from draglag.gap.results import GapReport, Statistic, Tolerated, next_to_unnamed
-from draglag.gap.streams.stamps import first_of_repeats, nothing_repeats, repeats, resolutions_mm, with_unchanged
+from draglag.gap.streams.lattice import basis_of, rounded
+from draglag.gap.streams.stamps import first_of_repeats, nothing_repeats, repeats, with_unchanged
 from draglag.latency.conduct import Estimates
 from draglag.latency.estimate import RunEstimate
 from draglag.recording import FloatArray, Session, TouchTrace
@@ -124,21 +125,13 @@ def _repeats(session: Session, again: Session) -> Statistic | None:
     theirs = [run.touch for run in again.runs if run.touch.t_s.size > 1]
     if not own or not theirs:
         return None
-    theirs = [_rounded(touch, resolutions_mm(own)) for touch in theirs]
+    basis = basis_of(own)
+    theirs = theirs if basis is None else [rounded(touch, basis) for touch in theirs]
     if nothing_repeats(own) and not nothing_repeats(theirs):
         own, theirs = (with_unchanged([first_of_repeats(touch) for touch in each]) for each in (own, theirs))
     measured, simulated = _repeated(own), _repeated(theirs)
     agrees = abs(measured - simulated) < REPEATS_AS_OFTEN
     return Statistic(REPEATS, "host_tick", measured, simulated, "share of events", agrees)
-
-
-def _rounded(touch: TouchTrace, steps_mm: tuple[float, float]) -> TouchTrace:
-    """A trace in whole steps of x and y, where measured ones have any."""
-    x_mm, y_mm = (
-        step * np.round(values / step) if step > 0 else values
-        for values, step in zip((touch.x_mm, touch.y_mm), steps_mm, strict=True)
-    )
-    return replace(touch, x_mm=x_mm, y_mm=y_mm)
 
 
 def _repeated(touches: list[TouchTrace]) -> float:

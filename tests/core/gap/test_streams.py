@@ -14,7 +14,7 @@ from core.sound_sessions import recorded, with_touch
 from draglag.gap.correction import realise
 from draglag.gap.streams.evidence import inspect
 from draglag.gap.streams.stalls import stalls
-from draglag.gap.streams.stamps import first_of_repeats, resolution_mm
+from draglag.gap.streams.stamps import first_of_repeats, resolutions_mm
 from draglag.gap.traces.dewarped import DewarpedKinematics, spectrum_of
 from draglag.gap.traces.run_data import gather
 from draglag.latency.steady import has_constant_speed
@@ -281,7 +281,8 @@ def test_fills_are_seen_that_are_made_after_rounding(sound: Session, step_mm: fl
     found, _ = inspect(with_touch(sound, filled))
     assert [f.effect for f in found] == ["loss_of_contact"]
     assert found[0].value == pytest.approx(20, rel=0.15)
-    assert resolution_mm([filled(run.touch) for run in sound.runs]) == pytest.approx(step_mm, rel=0.01)
+    steps_mm = resolutions_mm([filled(run.touch) for run in sound.runs])
+    assert steps_mm == pytest.approx((step_mm, step_mm), rel=0.01)
 
 
 @pytest.mark.parametrize("step_mm", [0.002, 0.005])

@@ -6,7 +6,8 @@ import numpy as np
 
 from draglag.gap.constants import SIZE_OF_INTEREST_MM
 from draglag.gap.streams.evidence import FEWEST
-from draglag.gap.streams.stamps import OF_STEPS, TURNING, repeats, resolution_mm, stood
+from draglag.gap.streams.lattice import basis_of, lengths_mm
+from draglag.gap.streams.stamps import OF_STEPS, TURNING, repeats, stood
 from draglag.latency.steady import has_constant_speed
 from draglag.recording import FloatArray, Session, TouchTrace
 
@@ -20,7 +21,8 @@ def stalls(session: Session) -> bool:
     """Whether what a host or a panel held back moves positions of steady runs by a size of interest, RMS."""
     steady = [run.touch for run in session.runs if has_constant_speed(run)]
     touches = [touch for touch in steady if touch.t_s.size > FEWEST]
-    step_mm = resolution_mm(touches) if touches else 0.0
+    basis = basis_of(touches) if touches else None
+    step_mm = 0.0 if basis is None else max(lengths_mm(basis))
     moved = [_delayed_mm(touch) + _stood_mm(touch, step_mm) for touch in touches]
     return bool(moved) and float(np.sqrt(np.mean(np.concatenate(moved) ** 2))) > SIZE_OF_INTEREST_MM
 

@@ -101,11 +101,6 @@ def _running_mean(values: FloatArray, width: int) -> FloatArray:
     return np.pad(mean, (width // 2, width - 1 - width // 2), mode="reflect", reflect_type="odd")
 
 
-def resolution_mm(touches: list[TouchTrace]) -> float:
-    """Coarser step of the coordinates; 0 if they are not quantised, or finer than ``FINEST_MM``."""
-    return max(resolutions_mm(touches))
-
-
 def resolutions_mm(touches: list[TouchTrace]) -> tuple[float, float]:
     """Steps of x and y, which panels may have of different size; 0 if either is not quantised."""
     x, y = (_step_mm([getattr(t, axis) for t in touches]) for axis in ("x_mm", "y_mm"))
