@@ -110,9 +110,9 @@ def _filled(values: FloatArray, ok: np.ndarray) -> FloatArray:
 
 
 def _smooth(rate: FloatArray) -> FloatArray:
+    """By cubics: a mean over 0.1 s leaves two thirds of what changes at 5 Hz."""
     width = int(0.1 * GRID_HZ / COARSE) | 1
-    padded = np.pad(rate, width // 2, mode="edge")
-    return np.convolve(padded, np.full(width, 1 / width), mode="valid")
+    return smoothed(rate, width, 3) if rate.size > width else rate
 
 
 def _on_the_grid(motion: Motion) -> Motion:

@@ -84,18 +84,23 @@ def _now(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray
 
 
 def _changing(runs: Sequence[RunData], law: Law) -> list[tuple[FloatArray, FloatArray]]:
-    """Low-pass by implicit Euler steps, stable at any size."""
+    """Low-pass by steps that are exact where the shown speed is straight, stable at any size.
+
+    Steps that take it for constant would flatten a hand that changes speed at 4 Hz, as in figure eights, by a tenth.
+    """
     if not runs:
         return []
     shown = np.concatenate([data.coarse[1] for data in runs])
     ends = np.cumsum([data.coarse[0].size for data in runs])
     begins = np.append(0, ends[:-1])
+    before = np.append(shown[0], shown[:-1])
     knots, falls = _falls(law, float(shown.max()))
     speed = shown
     for _ in range(PASSES):
         share = COARSE_S / np.maximum(speed * np.interp(speed, knots, falls), 1e-3 * COARSE_S)
-        kept = 1 / (1 + share)
-        added = share * shown * kept
+        kept = np.exp(-share)
+        mean = -np.expm1(-share) / share  # of what is kept, over the step
+        added = (mean - kept) * before + (1 - mean) * shown
         kept[begins], added[begins] = 0.0, shown[begins]
         speed = recursion(kept, added)
     return [(data.coarse[0], own) for data, own in zip(runs, np.split(speed, ends[:-1]), strict=True)]
