@@ -8,15 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from draglag.gap import GapReport, close_gap
 from draglag.gap.fitting.joint import Fit, fit_session
 from draglag.gap.replaying.hand_path import hand_motion
 from draglag.gap.replaying.realised import rig_of
+from draglag.gap.replaying.replay import replay
 from draglag.gap.traces.law_speed import delayed_speeds
 from draglag.gap.traces.run_data import gather
 from draglag.protocol.runs import load_protocol
 from draglag.recording import FloatArray, Run, Session
 from draglag.simulation import LatencyLaw, rig_for_screen, simulate_run_with_truth, simulate_session
 from draglag.simulation.chain import RunTruth
+from draglag.simulation.effects import parse_effect
 from draglag.simulation.effects.base import Effect
 from draglag.simulation.kinematics import GRID_HZ, motion_of
 from draglag.simulation.rig import Rig
@@ -102,3 +105,25 @@ def test_edges_are_placed_at_the_stylus_speed_and_the_hand_comes_back_with_it(
         for speed_mm_s, most in ((fit.placed.speed_mm_s[own], 0.005), (again_mm_s, 0.015)):
             assert abs(np.mean(speed_mm_s / true_mm_s - 1)) < most
     assert seen >= 4
+
+
+def test_only_runs_that_the_fit_judges_by_are_compared_and_no_closer_than_it_does(
+    known: tuple[Session, dict[str, RunTruth], Fit],
+) -> None:
+    """Where the hand turns at once edges are left out; what a law says there is extrapolated."""
+    session, _, fit = known
+    again = replay(session, fit, {})
+    judged = np.unique(fit.run_index)
+    both = [k for k, run in enumerate(again.runs) if run.difference_ms is not None]
+    assert not set(both) <= set(judged.tolist())
+    speed_mm_s, _, error_ms = again.differences_ms()
+    assert speed_mm_s.size == len(set(both) & set(judged.tolist()))
+    spread_ms = [1e3 * np.std(fit.placed.latency_s[fit.use & (fit.placed.run == k)]) for k in judged if k in both]
+    assert (error_ms > 0.2 * np.array(spread_ms)).all()  # the level of a run of changing speed is left open
+
+
+@pytest.mark.parametrize("effect", ["direction_asymmetry=0.007", "warm_up=0.014"])
+def test_an_effect_is_named_with_nothing_left(effect: str) -> None:
+    report: GapReport = close_gap(eights(2, (parse_effect(effect),))[0])
+    assert [step.effect for step in report.steps] == [effect.partition("=")[0]]
+    assert report.verdict == "explained"

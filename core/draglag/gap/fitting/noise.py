@@ -143,14 +143,10 @@ def scatter(
     late_mm_s = placed.v_mm_s[use, 1]
     follows = late_mm_s * placed.stretch[use] * placed.slope_s2_mm[use]
     speed = placed.speed_mm_s[use]
-    uneven_mm, loose_s = np.zeros(run.size), np.zeros(len(runs))
-    for k, data in enumerate(runs):
+    uneven_mm, loose_s = np.zeros(run.size), open_levels_s(runs, placed, use)
+    for k in np.unique(run):
         own = run == k
-        if not own.any():
-            continue
         uneven_mm[own] = follows[own] * (speed[own] - speed[own].mean())
-        if not data.steady:
-            loose_s[k] = UNSTEADY * float(np.std(placed.latency_s[use][own]))
     if placed.unsure_s is not None:
         loose_s = np.hypot(loose_s, placed.unsure_s)
     near = Neighbours.within(SPEED_MEMORY_S, t_s, run)
@@ -164,6 +160,15 @@ def scatter(
     half_s = np.array([data.half_s for data in runs])
     slow = near.band(np.ones(run.size), np.exp(-near.apart_s / half_s[run]))
     return Scatter(fixed, slow, share, tremor, late_mm_s, uneven_mm, run, loose_s, t_s, blur_mm[use] ** 2)
+
+
+def open_levels_s(runs: tuple[RunData, ...], placed: Placed, use: np.ndarray) -> FloatArray:
+    """By how much the level of each run may miss the law's, (runs,) s: 0 of a run of one speed."""
+    out = np.zeros(len(runs))
+    for k in np.unique(placed.run[use]):
+        if not runs[k].steady:
+            out[k] = UNSTEADY * float(np.std(placed.latency_s[use & (placed.run == k)]))
+    return out
 
 
 def timing_mm(placed: Placed) -> FloatArray:

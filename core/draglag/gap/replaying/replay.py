@@ -12,6 +12,7 @@ from draglag.errors import EstimateError
 from draglag.gap.constants import SEED
 from draglag.gap.fitting.joint import Fit, restrict
 from draglag.gap.fitting.model import residual_mm
+from draglag.gap.fitting.noise import open_levels_s
 from draglag.gap.fitting.nuisances import late_by_nuisances_s
 from draglag.gap.fitting.signatures import view_of
 from draglag.gap.replaying.hand_path import hand_motion
@@ -81,7 +82,7 @@ class Replay:
     """A session simulated again.
 
     run, measured_s, simulated_s, falling, across_mm_s: (m,) edges, host time, NaN where not simulated. shown:
-    ``session``, its streams repaired if those of the reference are. between_runs_s: in the model.
+    ``session``, its streams repaired if those of the reference are. between_runs_s: (runs,) in the model.
     """
 
     effects: tuple[Effect, ...]
@@ -94,7 +95,7 @@ class Replay:
     across_mm_s: FloatArray
     reference: Fit
     shown: Session
-    between_runs_s: float = 0.0
+    between_runs_s: FloatArray
 
     @property
     def measured(self) -> Overlay:
@@ -154,10 +155,14 @@ class Replay:
         return int(np.count_nonzero(np.abs(difference_ms) <= 1.96 * error_ms)), difference_ms.size
 
     def differences_ms(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Speeds, mm/s, simulated less measured latencies, and their standard errors, ms, (runs with both,) each."""
-        rows = [row for item in self.runs if (row := item.difference_ms) is not None]
-        speed, difference_ms, error_ms = np.array(rows, float).reshape(-1, 3).T
-        return speed, difference_ms, np.hypot(error_ms, 1e3 * self.between_runs_s)
+        """Speeds, mm/s, simulated less measured latencies, and their standard errors, ms, (runs with both,) each.
+
+        Without runs that the fit does not judge by: there nothing was said about the law.
+        """
+        each = ((self.runs[k].difference_ms, self.between_runs_s[k]) for k in np.unique(self.run))
+        rows = [(*row, 1e3 * between_s) for row, between_s in each if row is not None]
+        speed, difference_ms, error_ms, between_ms = np.array(rows, float).reshape(-1, 4).T
+        return speed, difference_ms, np.hypot(error_ms, between_ms)
 
     def to_dict(self) -> dict[str, object]:
         """Numbers for JSON."""
@@ -232,7 +237,7 @@ def replay(
         fit.placed.v_mm_s[fit.use, 1],
         reference or fit,
         again if reference is not None and _is_raw(reference, session) else repaired,
-        fit.white.components.run_s,
+        np.hypot(fit.white.components.run_s, open_levels_s(fit.runs, fit.placed, fit.use)),
     )
 
 
