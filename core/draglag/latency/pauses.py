@@ -52,8 +52,13 @@ def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatA
     off_mm = touch.y_mm - slope * touch.x_mm - middle
     noise_mm = 1.4826 * median(np.abs(touch.y_mm - track.at(touch.t_s)[:, 1]))
     found = []
+    # A trace shows all edges in their order: one in a pause after the last before it that is in none, and before the
+    # next.
+    others_s = np.concatenate([[-np.inf], t_s[~slow], [np.inf]])
     for k in np.flatnonzero(slow):
-        crossing = _shown(touch.t_s, off_mm, half, t_s[k], bool(ready.edges.falling[k]), latency_s)
+        after = int(np.searchsorted(others_s, t_s[k]))
+        between_s = np.clip(others_s[after - 1 : after + 1] - t_s[k], *REACH_S)
+        crossing = _shown(touch.t_s, off_mm, half, t_s[k], bool(ready.edges.falling[k]), latency_s, between_s)
         if crossing is not None:
             own_s, across = crossing
             found.append((k, own_s, noise_mm / max(across, SLOWEST_MM_S), speed[k]))
@@ -67,13 +72,19 @@ def without_pauses(ready: Prepared, track: Track, latency_s: float, line: FloatA
 
 
 def _shown(
-    t_s: FloatArray, off_mm: FloatArray, half_mm: float, edge_s: float, falling: bool, latency_s: float
+    t_s: FloatArray,
+    off_mm: FloatArray,
+    half_mm: float,
+    edge_s: float,
+    falling: bool,
+    latency_s: float,
+    between_s: FloatArray,
 ) -> tuple[float, float] | None:
-    """Time until the trace shows an edge, and its speed across the beam there.
+    """Time until the trace shows an edge, and its speed across the beam there. between_s: from the others' latency.
 
     Each line counts one way only: the stylus enters by its first rim and leaves by its last.
     """
-    first, end = np.searchsorted(t_s, edge_s + latency_s + np.array(REACH_S))
+    first, end = np.searchsorted(t_s, edge_s + latency_s + between_s)
     best: tuple[float, float] | None = None
     for up in (True, False):
         side = -1.0 if up == falling else 1.0
