@@ -196,7 +196,8 @@ def fit_best(
     forms: Sequence[str] = tuple(FORMS),
     tied_se_s: float = 0.0,
 ) -> CurveFit:
-    """Eq. 5, unless a rival's AICc is lower by more than 6 and its held-out error no larger.
+    """Eq. 5, unless a rival's AICc is lower by more than 6 and its held-out error no larger; of too few runs for it
+    the form with the smallest held-out error, of those whose AICc is within 6 of the lowest.
 
     Raises EstimateError with fewer than ``FEWEST_SPEEDS`` different speeds.
     """
@@ -223,7 +224,10 @@ def fit_best(
     ranked = sorted(fits, key=lambda f: f.aicc)
     chosen = by_name.get("double_exponential", ranked[0])
     if not np.isfinite(chosen.aicc):
-        chosen = ranked[0]
+        # AICc of so few runs takes the simplest form unless another misses far less: held-out runs decide between
+        # forms that it ranks alike.
+        alike = [fit for fit in ranked if fit.aicc - ranked[0].aicc < CLEARLY_BETTER]
+        chosen = min(alike, key=lambda fit: fit.held_out_rms_s)
     for fit in ranked:
         better = chosen.aicc - fit.aicc > CLEARLY_BETTER and fit.held_out_rms_s <= 1.05 * chosen.held_out_rms_s
         if better:

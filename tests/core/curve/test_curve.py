@@ -125,6 +125,19 @@ def test_too_few_points_are_refused() -> None:
         fit_form(few, "double_exponential")
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_five_runs_that_fall_are_no_constant_and_five_that_do_not_are_one(seed: int) -> None:
+    """138 to 88 ms, known to 1 ms: AICc allows five runs no third parameter however far a constant misses."""
+    speed = np.array([38.0, 57.0, 84.0, 107.0, 152.0])
+    noise_s = 1e-3 * np.random.default_rng(seed).standard_normal(5)
+    se_s = np.full(5, 1e-3)
+    falling = CurvePoints(speed, 0.06 + 0.11 * np.exp(-speed / 110) + noise_s, se_s, np.zeros(5), np.zeros(5))
+    found = fit_best(falling)
+    assert found.form != "constant"
+    assert found.rms_s < 3e-3
+    assert fit_best(replace(falling, latency_s=0.1 + noise_s)).form == "constant"
+
+
 def test_inside_marks_extrapolation() -> None:
     curve = fit_form(points(TABLE_2[0]), "double_exponential")
     assert curve.inside(np.array([10.0, 100.0, 2000.0])).tolist() == [False, True, False]
