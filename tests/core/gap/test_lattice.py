@@ -45,6 +45,19 @@ def test_steps_are_found_in_turned_coordinates(whole: Session) -> None:
     assert all(a is b for a, b in zip(inspect(turned)[1].runs, turned.runs, strict=True))
 
 
+@pytest.mark.parametrize("decimals", [3, 4])
+def test_turned_steps_are_found_behind_a_file_s_decimals(whole: Session, decimals: int) -> None:
+    def written(touch: TouchTrace) -> TouchTrace:
+        turned = calibrated(touch)
+        return replace(turned, x_mm=np.round(turned.x_mm, decimals), y_mm=np.round(turned.y_mm, decimals))
+
+    session = with_touch(whole, written)
+    basis = basis_of([run.touch for run in session.runs])
+    assert basis is not None
+    assert lengths_mm(basis) == pytest.approx(tuple(STEP_MM * np.hypot(*TURNED)), rel=1e-3)
+    assert inspect(session)[0] == ()
+
+
 def test_positions_without_whole_steps_have_none() -> None:
     panel = replace(rig_for_screen("screen-1"), resolution_mm=0.0)
     session = simulate_session(panel, brief_protocol(), seed=5)

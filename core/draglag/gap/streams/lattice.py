@@ -11,14 +11,28 @@ from draglag.gap.streams.stamps import FINEST_MM, ROUNDED_MM, SHARE_WHOLE, SMALL
 from draglag.recording import FloatArray, Run, TouchTrace
 
 COMMON = 10  # times that a step between two events has to occur: of steps of any length none does. Derived
-WIDER_THAN_A_PANEL = 2**32  # in units of ROUNDED_MM: 43 km. Derived
+OF_DECIMALS = 10.0  # times: steps are then known to a tenth, of four to less than half of one. Derived
+EXACTLY = 1e-3  # of the logarithm of a step: that of decimals, but for arithmetic. Derived
+WIDER_THAN_A_PANEL = 2**32  # in units of ROUNDED_MM or more: 43 km. Derived
 APART = 0.3  # sine of the angle between two directions of a lattice: no calibration shears a panel by more. Physical
 
 
 def basis_of(touches: Sequence[TouchTrace]) -> FloatArray | None:
     """Steps of whole coordinates, mm, in columns (2, 2), the first one nearer to x; None where they are not whole."""
     steps_mm = resolutions_mm(list(touches))
-    return np.diag(steps_mm) if all(steps_mm) else _turned(touches)
+    if not all(steps_mm):
+        return _turned(touches, ROUNDED_MM)
+    decimals_mm = min(steps_mm)
+    if _is_decimal(decimals_mm):
+        # A file's decimals may hide a panel's steps, which are longer by far where they show.
+        turned = _turned(touches, 2 * decimals_mm)
+        if turned is not None and min(lengths_mm(turned)) > OF_DECIMALS * decimals_mm:
+            return turned
+    return np.diag(steps_mm)
+
+
+def _is_decimal(step_mm: float) -> bool:
+    return bool(abs(np.log10(step_mm) - round(np.log10(step_mm))) < EXACTLY)
 
 
 def lengths_mm(basis: FloatArray) -> tuple[float, float]:
@@ -32,12 +46,13 @@ def is_turned(basis: FloatArray) -> bool:
     return bool(abs(basis[0, 1]) > ROUNDED_MM or abs(basis[1, 0]) > ROUNDED_MM)
 
 
-def _turned(touches: Sequence[TouchTrace]) -> FloatArray | None:
+def _turned(touches: Sequence[TouchTrace], exact_mm: float) -> FloatArray | None:
+    """Steps in any direction. exact_mm: within which displacements by the same steps lie."""
     steps_mm = np.concatenate([np.diff(np.column_stack([t.x_mm, t.y_mm]), axis=0) for t in touches])
     steps_mm = steps_mm[np.hypot(*steps_mm.T) > ROUNDED_MM]
     forward = (steps_mm[:, 0] > ROUNDED_MM) | ((np.abs(steps_mm[:, 0]) <= ROUNDED_MM) & (steps_mm[:, 1] > 0))
     steps_mm = np.where(forward[:, None], steps_mm, -steps_mm)
-    units = np.round(steps_mm / ROUNDED_MM).astype(np.int64)
+    units = np.round(steps_mm / exact_mm).astype(np.int64)
     _, first, which, count = np.unique(
         units[:, 0] * WIDER_THAN_A_PANEL + units[:, 1], return_index=True, return_inverse=True, return_counts=True
     )
@@ -47,9 +62,12 @@ def _turned(touches: Sequence[TouchTrace]) -> FloatArray | None:
         return None
     basis = np.array([steps_mm[which == common[k]].mean(axis=0) for k in pair]).T
     whole = steps_mm @ np.linalg.inv(basis).T
-    whole = whole[np.abs(whole).max(axis=1) < SMALL + 0.5]
-    share = np.mean(np.abs(whole - np.round(whole)).max(axis=1) < WHOLE) if whole.size else 0.0
-    return basis if share > SHARE_WHOLE else None
+    small = np.abs(whole).max(axis=1) < SMALL + 0.5
+    short, whole = steps_mm[small], whole[small]
+    fits = np.abs(whole - np.round(whole)).max(axis=1) < WHOLE
+    if not fits.any() or np.mean(fits) < SHARE_WHOLE:
+        return None
+    return np.asarray(np.linalg.lstsq(np.round(whole[fits]), short[fits], rcond=None)[0].T)
 
 
 def _shortest(steps_mm: FloatArray) -> list[int] | None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from draglag.gap.streams.interpolated import reports_a_scan_in
 from draglag.gap.streams.stamps import StreamEffect, Streams, first_of_repeats, repeats
 from draglag.messages import message
 from draglag.recording import Run, TouchTrace
@@ -58,8 +59,9 @@ def of_the_bus(loop: StreamEffect, streams: Streams) -> StreamEffect:
 
 
 def loop_in(streams: Streams) -> StreamEffect | None:
-    """Loop, unless by a deadband or polls."""
+    """Loop, unless by a deadband, polls or chords between scans."""
     other = streams.of(deadband_in) is not None or streams.of(polls_in) is not None
+    other |= streams.of(reports_a_scan_in) > 1
     return None if other else hold(streams.touches, streams.step_mm)
 
 
