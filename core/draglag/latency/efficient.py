@@ -75,7 +75,8 @@ class Solution:
 
     @property
     def se_s(self) -> float:
-        return float(np.sqrt(self.covariance[0, 0]))
+        variance_s2 = float(self.covariance[0, 0])
+        return float(np.sqrt(variance_s2)) if variance_s2 >= 0 else np.inf  # negative by rounding: nothing is known
 
     @property
     def dof(self) -> int:
@@ -324,7 +325,7 @@ def _describe(ready: Prepared, blank: RunEstimate, best: Solution, arrival: Arri
         j0_per_edge_mm2=cost_without_shift(ready, best.edges, best.track.path.at(best.edges.t_s, 1)[:, 1]),
         j_per_edge_mm2=float(np.mean(best.residual_mm**2)),
         stylus_diameter_mm=stylus_diameter_mm(alignment.lines, float(x_mm.min()), float(x_mm.max())),
-        stylus_diameter_se_mm=2 * float(np.sqrt(best.covariance[3, 3])),
+        stylus_diameter_se_mm=2 * float(np.sqrt(max(best.covariance[3, 3], 0.0))),
         alignment=alignment,
     )
 

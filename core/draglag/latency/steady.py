@@ -13,6 +13,7 @@ from draglag.path.events import last_of_batches, sample_interval_s, usable
 from draglag.path.local_fit import LocalFit, local_fit
 from draglag.recording import FloatArray, Run, TouchTrace
 
+AT_REST_MM_S = 1e-3  # a trace of one point has speeds of 1e-14 mm/s by rounding. Derived
 # Faster over slower speed of a run: a mean over two speeds is no point of a curve that bends. Judgement
 CHANGED = 1.5
 SPREAD = (CHANGED - 1) / (CHANGED + 1)  # standard deviation over mean of two speeds that far apart. Derived
@@ -101,7 +102,8 @@ def _passages(touch: TouchTrace, edges: Edges) -> tuple[FloatArray, FloatArray]:
 def _spread(touch: TouchTrace, at_s: FloatArray) -> float:
     fit = _fitted(touch, at_s)
     speed = fit.speed_mm_s[fit.ok]
-    return float(speed.std() / speed.mean()) if speed.size >= FEWEST_EDGES and speed.any() else 0.0
+    moves = speed.size >= FEWEST_EDGES and float(speed.mean()) > AT_REST_MM_S
+    return float(speed.std() / speed.mean()) if moves else 0.0
 
 
 def _fitted(touch: TouchTrace, at_s: FloatArray) -> LocalFit:

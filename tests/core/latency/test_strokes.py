@@ -118,3 +118,9 @@ def test_even_strokes_whose_trace_leaps_past_the_edges_are_left_out() -> None:
     assert found.latency_s is not None
     assert found.latency_s > truth.mean_latency_s + 0.002
     assert excluded_because(with_conduct(found, run)) == "uneven trace"
+
+
+def test_a_trace_of_one_point_changes_no_speed() -> None:
+    run, _ = even_strokes(rig_for_screen("screen-1"), 300.0, 120.0)
+    still = replace(run.touch, x_mm=np.full(run.touch.t_s.size, 100.1), y_mm=np.full(run.touch.t_s.size, 90.3))
+    assert spread_in_trace(replace(run, touch=still)) == 0
