@@ -9,7 +9,7 @@ from scipy.special import chdtrc
 
 from draglag.errors import EstimateError
 from draglag.gap.by_taps import creep_of
-from draglag.gap.constants import DOUBT, GROWS_BY, NEXT_TO_UNNAMED, PROBABLE, PROMISING, STATED_AT_MOST
+from draglag.gap.constants import DOUBT, PROBABLE, PROMISING, STATED_AT_MOST
 from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
@@ -54,15 +54,12 @@ def reported(
         chain = _that_explain(chain, edges)
     last = chain[-1].after
     law = law_of(judgement, last)
-    unrepaired = _unrepaired(session) if named else None
-    worse = _of_worse_repair(named, unrepaired, judgement.base)
-    steps = stream_steps(named, unrepaired, judgement.base, STATED_AT_MOST * (NEXT_TO_UNNAMED if worse else 1.0))
+    steps = stream_steps(session, named, judgement.base)
     for link in chain[1:]:
         step = step_of(session, judgement, answer, allowed, link.effect, link.before, link.after, last)
         gaps = gap_mm(link.before, edges), gap_mm(link.after, edges)
         steps.append(replace(step, gap_before_mm=gaps[0], gap_after_mm=gaps[1]))
-    unnamed = answer.unexplained_by or idle or worse
-    unexplained = unnamed or _unnamed_in_streams(sessions, strange, judgement.base, allowed)
+    unexplained = answer.unexplained_by or idle or _unnamed_in_streams(sessions, strange, judgement.base, allowed)
     if unexplained:
         steps = [next_to_unnamed(step) for step in steps]
     last_mm = gap_mm(last, edges)
@@ -230,20 +227,15 @@ def deviance_gained(before: Fit, after: Fit) -> float:
     return 2 * gained_nats(before, after)
 
 
-def _unrepaired(session: Session) -> Fit | None:
-    """Fit to a session as measured, if it can be fitted."""
-    try:
-        return fit_session(session, gather(session))
-    except (EstimateError, np.linalg.LinAlgError, ValueError):
-        return None
-
-
-def stream_steps(
-    found: tuple[StreamEffect, ...], unrepaired: Fit | None, repaired: Fit, probability: float
-) -> list[Step]:
-    """Steps of effects that streams show, repaired at once. probability: of each."""
+def stream_steps(session: Session, found: tuple[StreamEffect, ...], repaired: Fit) -> list[Step]:
+    """Steps of effects that streams show, repaired at once."""
+    if not found:
+        return []
     after = gap_mm(repaired)
-    before = after if unrepaired is None else gap_mm(unrepaired)
+    try:
+        before = gap_mm(fit_session(session, gather(session)))
+    except (EstimateError, np.linalg.LinAlgError, ValueError):
+        before = after
     return [
         Step(
             item.effect,
@@ -254,20 +246,12 @@ def stream_steps(
             item.evidence,
             before if k == 0 else after,
             after,
-            probability,
+            STATED_AT_MOST,
             item.rivals,
             effect_class(item.effect).separated_by if item.rivals else "",
         )
         for k, item in enumerate(found)
     ]
-
-
-def _of_worse_repair(found: tuple[StreamEffect, ...], unrepaired: Fit | None, repaired: Fit) -> str | None:
-    """Covariate of what streams show, if held-out runs fit worse with it repaired: it is something else."""
-    if unrepaired is None or not any(item.undone for item in found):
-        return None
-    most_mm = (1 + GROWS_BY) * max(gap_mm(unrepaired), floor_mm(unrepaired))
-    return effect_class(found[0].effect).follows if gap_mm(repaired) > most_mm else None
 
 
 def _unnamed_in_streams(
