@@ -1,4 +1,4 @@
-"""Sessions that several tests judge or compare with, and their reports, each made once: nobody changes them."""
+"""Sessions that several tests judge, change or compare with, and their reports, each made once."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+
+import numpy as np
 
 from draglag.exchange import read_exchange
 from draglag.gap import GapReport, close_gap
@@ -78,3 +80,10 @@ def gap_mm(report: GapReport) -> float:
 def with_touch(session: Session, change: Callable[[TouchTrace], TouchTrace]) -> Session:
     """The session with every touch trace changed."""
     return replace(session, runs=tuple(replace(run, touch=change(run.touch)) for run in session.runs))
+
+
+def in_steps(touch: TouchTrace, step_mm: float, across_mm: float | None = None) -> TouchTrace:
+    """The trace in whole steps; across_mm: of y, where they differ."""
+    y_step_mm = across_mm or step_mm
+    x_mm, y_mm = np.round(touch.x_mm / step_mm) * step_mm, np.round(touch.y_mm / y_step_mm) * y_step_mm
+    return replace(touch, x_mm=x_mm, y_mm=y_mm)
