@@ -104,7 +104,10 @@ def test_speeds_below_the_runs_of_a_long_session_do_not_run_into_each_other(runs
         for k, v in enumerate(speeds_mm_s)
     ]
     falling, nothing = np.tile([True, False], run.size // 2), cast("Any", None)
-    replay = Replay((), nothing, tuple(each), run, measured_s, measured_s, falling, np.ones(run.size), nothing, ())
+    between_s = np.zeros(runs)
+    replay = Replay(
+        (), nothing, tuple(each), run, measured_s, measured_s, falling, np.ones(run.size), nothing, nothing, between_s
+    )
     with style.house_style():
         drawn = edges_figure(replay, replay)
         drawn.draw_without_rendering()
