@@ -24,7 +24,7 @@ FEWEST_PASSES = 0.5
 # asked was another movement.
 NOTICEABLY, FAR = 1.25, 2.0
 Estimates = tuple[tuple[Run, RunEstimate], ...]
-UNEVEN_TRACE, _WORDED = "uneven_trace", "uneven trace"
+UNEVEN_TRACE = "uneven_trace"
 EXCLUDED = (
     "aborted", "device_lost", "failed", PRACTICE, STANDSTILL, "laser_missing", "far_from_nominal", "speed_changed",
     UNEVEN_TRACE
@@ -49,7 +49,11 @@ def with_conduct(estimate: RunEstimate, run: Run) -> RunEstimate:
 
 def excluded_because(estimate: RunEstimate) -> str:
     """The excluding flags in words; empty if none."""
-    return ", ".join(flag.replace("_", " ") for flag in estimate.flags if flag in EXCLUDED)
+    return ", ".join(_in_words(flag) for flag in estimate.flags if flag in EXCLUDED)
+
+
+def _in_words(flag: str) -> str:
+    return flag.replace("_", " ")
 
 
 def gives_point(estimate: RunEstimate) -> bool:
@@ -91,7 +95,8 @@ def left_out_as_uneven(runs: Iterable[Run], excluded: Mapping[str, str]) -> list
     uneven = [
         run.id
         for run in runs
-        if run.protocol == "free" and (not has_constant_speed(run) or _WORDED in excluded.get(run.id, ""))
+        if run.protocol == "free"
+        and (not has_constant_speed(run) or _in_words(UNEVEN_TRACE) in excluded.get(run.id, "").split(", "))
     ]
     if not uneven:
         return []

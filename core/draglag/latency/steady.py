@@ -22,8 +22,15 @@ HALF_S = 0.1  # half window of a speed: hands change theirs at 1 to 3 Hz. Physic
 
 
 def has_constant_speed(run: Run) -> bool:
-    """Whether one latency describes the run: a circle, or a free drag whose speed at the edges spreads little."""
-    return run.protocol == "circle" or (run.protocol == "free" and speed_spread(run) <= SPREAD)
+    """Whether one latency describes the run: a circle, or a free drag whose speed at the edges spreads little.
+
+    Trace or light may say so, for what misleads either adds to its spread: a trace is read at a guessed latency, over a
+    window into which the turns of quick strokes fall, and may leap out of them. Where light alone does,
+    ``latency.conduct`` looks at the trace again, at the latency found.
+    """
+    if run.protocol != "free":
+        return run.protocol == "circle"
+    return spread_in_trace(run) <= SPREAD or _spread_in_light(run) <= SPREAD
 
 
 def changing_warnings(runs: Iterable[Run]) -> list[str]:
@@ -55,18 +62,8 @@ def keeps_speed(run: Run) -> bool:
     return touch.t_s.size < FEWEST_EDGES or _spread(touch, np.arange(touch.t_s[0], touch.t_s[-1], HALF_S)) <= SPREAD
 
 
-def speed_spread(run: Run) -> float:
-    """Standard deviation over mean of the speed at the edges; 0 of fewer than ``FEWEST_EDGES``.
-
-    The lesser of what trace and light say, for what misleads either adds to its spread: a trace is read at a guessed
-    latency, over a window into which the turns of quick strokes fall, and may leap out of them. Where light alone says
-    so, ``latency.conduct`` looks at the trace again, at the latency found.
-    """
-    return min(spread_in_trace(run), _spread_in_light(run))
-
-
 def spread_in_trace(run: Run) -> float:
-    """``speed_spread`` as the trace alone has it."""
+    """Standard deviation over mean of the speed at the edges; 0 of fewer than ``FEWEST_EDGES``."""
     touch = last_of_batches(usable(run.touch))
     if touch.t_s.size < FEWEST_EDGES:
         return 0.0

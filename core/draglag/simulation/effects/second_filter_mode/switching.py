@@ -16,7 +16,12 @@ from draglag.recording import FloatArray
 from draglag.simulation.effects.second_filter_mode.setting import By, Setting, within
 from draglag.simulation.effects.second_filter_mode.skips import MOSTLY_ALIKE, largest_alike
 from draglag.simulation.effects.second_filter_mode.unsure import state_variance
-from draglag.simulation.effects.second_filter_mode.wandering import SCATTERS, Course, log_likelihood_of_wandering
+from draglag.simulation.effects.second_filter_mode.wandering import (
+    FARTHEST,
+    SCATTERS,
+    Course,
+    log_likelihood_of_wandering,
+)
 
 SIZES_S = np.geomspace(0.003, 0.04, 14)
 ALIKE = 2  # of them on either side of the likeliest: another scatter may make another one the likeliest
@@ -217,7 +222,7 @@ def _two_levels(runs: list[Course], sizes_s: FloatArray = SIZES_S) -> tuple[Floa
 
 
 def _square(z: FloatArray) -> FloatArray:
-    return np.minimum(z**2, 25.0)
+    return np.minimum(z**2, FARTHEST)
 
 
 def _forward_backward(zero: FloatArray, one: FloatArray, stay: FloatArray) -> tuple[FloatArray, FloatArray]:
