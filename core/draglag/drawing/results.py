@@ -45,12 +45,13 @@ def draw_curve(axes: Any, curve: CurveFit, label: str = "", colour: str = style.
 def draw_latency(axes: Any, analysis: Analysis) -> None:
     """Latency against speed, with curve, band and tap medians (Fig. 5)."""
     runs = [run for run in analysis.runs if run.latency_s is not None and run.speed_mm_s is not None]
-    sound = [run for run in runs if not run.flags]
-    flagged = [run for run in runs if run.flags]
+    used = [run for run in runs if run.id not in analysis.excluded]
+    sound, flagged = [run for run in used if not run.flags], [run for run in used if run.flags]
     if analysis.curve is not None:
         draw_curve(axes, analysis.curve)
     _draw_runs(axes, sound, "s", style.BLACK, "run, 95 % interval")
     _draw_runs(axes, flagged, "X", style.ORANGE, "run with a warning")
+    _draw_runs(axes, [run for run in runs if run.id in analysis.excluded], "x", style.GREY, "run not in the curve")
     for name, taps in analysis.taps.items():
         colour, marker, dashes = TAP_STYLE[name]
         axes.axhline(1e3 * taps.median_s, color=colour, linestyle=dashes, linewidth=1.2)

@@ -164,7 +164,11 @@ def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:
 
 
 def _verdict(analysis: Analysis) -> str:
-    known = [run for run in analysis.runs if run.latency_ms is not None and run.speed_mm_s is not None]
+    known = [
+        run
+        for run in analysis.runs
+        if run.latency_ms is not None and run.speed_mm_s is not None and run.id not in analysis.excluded
+    ]
     if not known:
         return "No run gave a latency."
     slow, fast = (pick(known, key=lambda run: run.speed_mm_s or 0.0) for pick in (min, max))

@@ -166,3 +166,18 @@ def test_a_session_without_taps_has_no_figure_of_taps(tmp_path: Path, measured: 
     names = {path.name.split("-")[0] for path in written}
     assert "latency" in names
     assert "taps" not in names
+
+
+def test_a_run_that_does_not_count_is_no_headline_and_is_marked(
+    measured: tuple[Session, Analysis], tmp_path: Path
+) -> None:
+    session, whole = measured
+    fastest = max((run for run in whole.runs if run.latency_ms is not None), key=lambda run: run.speed_mm_s or 0.0)
+    stated = f"{fastest.latency_ms:.1f} ms at {fastest.speed_mm_s:.0f} mm/s"
+    for exclude in ({}, {fastest.id: "a wrong speed"}):
+        analysis = analyze(session, AnalysisOptions(form="constant", exclude=exclude))
+        page = write_report(session, analysis, tmp_path / str(len(exclude))).read_text()
+        assert (stated in page) is not bool(exclude)
+        axes = analysis.plot()
+        labels = [text.get_text() for text in axes.get_legend().get_texts()]
+        assert ("run not in the curve" in labels) is bool(exclude)
