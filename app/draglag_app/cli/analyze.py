@@ -25,6 +25,7 @@ from draglag.system.packages import need
 from draglag_app.cli.batch import ANALYSIS_COLUMNS, AT_MM_S, Analysing
 from draglag_app.cli.common import (
     FiniteRange,
+    flags_block,
     json_option,
     keep_result,
     load_with_state,
@@ -282,13 +283,13 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
     mark = "SIMULATED · " if analysis.source is not None and analysis.source.simulated else ""
     blocks = [f"{mark}{analysis.session}: {analysis.options.estimator} estimator on {stamps}"]
     if result["runs"]:
-        blocks.append(_runs(result["runs"]))
+        blocks += [_runs(result["runs"]), *_flags(result["runs"])]
     if analysis.curve is not None:
         blocks.append(_curve(result["curve"]))
     blocks += _listed("Taps, median", _taps(result["taps"]))
     blocks += _listed("Checks", _verification(result["verification"]))
     if result["validation"]:
-        blocks.append(_validation(result["validation"]))
+        blocks += [_validation(result["validation"]), *_flags(result["validation"])]
     again = {run: f"; repeated as {by}" for run, by in analysis.repeated.items()}
     excluded = [f"{run}: {why}{again.get(run, '')}" for run, why in analysis.excluded.items()]
     blocks += _listed("Not in the curve (--include RUN includes a run)", excluded)
@@ -299,6 +300,10 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
 def _listed(title: str, lines: Iterable[str]) -> list[str]:
     text = "".join(f"\n  {line}" for line in lines)
     return [title + text] if text else []
+
+
+def _flags(rows: list[dict[str, Any]]) -> list[str]:
+    return flags_block(flag for row in rows for flag in row["flags"])
 
 
 def _taps(taps: dict[str, Any]) -> list[str]:

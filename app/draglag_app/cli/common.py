@@ -180,6 +180,15 @@ def number(value: object, digits: int = 1) -> str:
     return "–" if not isinstance(value, int | float) or value != value else f"{value:.{digits}f}"
 
 
+def flags_block(flags: Iterable[str]) -> list[str]:
+    """A block of text with the meaning of each flag, to stand below their table; none without flags."""
+    from draglag.latency.flags import meanings
+
+    known = meanings(flags)
+    width = max(map(len, known), default=0)
+    return ["\n".join(["Flags", *(f"  {flag:<{width}}  {what}" for flag, what in known.items())])] if known else []
+
+
 def checksum(path: Path) -> str:
     """SHA-256 of a file; empty for a folder."""
     if not path.is_file():

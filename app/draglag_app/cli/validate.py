@@ -14,6 +14,7 @@ from draglag.messages import message
 from draglag.provenance import is_simulated
 from draglag.recording import FloatArray, Run, Session
 from draglag_app.cli.common import (
+    flags_block,
     json_option,
     load_session,
     number,
@@ -89,7 +90,7 @@ def validate(session: Path, model_path: Path, all_runs: bool, hold_ends: bool, s
     if model.effects:
         click.echo(correction.words())
     click.echo()
-    click.echo(_table(done))
+    click.echo("\n\n".join([_table(done), *flags_block(flag for item in done for flag in item.flags)]))
     click.echo(_means(done))
     for problem in problems:
         click.echo(f"not done: {problem}", err=True)

@@ -1,4 +1,8 @@
-"""What the flags of an estimate mean."""
+"""What the flags of an estimate and of a validation mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
 
 MEANING = {
     "no_touch": "no touch events: was the stylus on the screen, and is the touch device the right one?",
@@ -27,4 +31,10 @@ MEANING = {
     "uneven_trace": "the stylus crosses evenly, its trace does not: it is not in the curve; turn far from the beam",
     "clock_uncertain": "the laser's clock may shift the latency by more than 1 ms: compare the clocks again",
     "clock_unknown": "the laser's clock was never compared with the host's: a shift of the latency would not show",
+    "extrapolated": "more than a tenth of the edges were crossed at speeds at which the curve was not measured",
 }
+
+
+def meanings(flags: Iterable[str]) -> dict[str, str]:
+    """Flag → meaning, each flag once; without flags of other packages' estimators, which are not known here."""
+    return {flag: MEANING[flag] for flag in flags if flag in MEANING}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +17,8 @@ from draglag.curve import FORMS, CurveFit
 from draglag.curve.symbols import symbol_html
 from draglag.drawing import style
 from draglag.errors import DataError, cause
+from draglag.latency import RunEstimate
+from draglag.latency.flags import meanings
 from draglag.messages import message
 from draglag.provenance import source_of
 from draglag.recording import Session
@@ -25,6 +27,7 @@ from draglag.report.notes import citation, note_rows
 from draglag.shown import matched
 from draglag.store.schema import slug
 from draglag.system.temporary import publish, temporary_for
+from draglag.validation.misalignment import Validation
 
 
 @dataclass(frozen=True)
@@ -143,6 +146,7 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
         result=result,
         runs=sorted(analysis.runs, key=lambda run: run.speed_mm_s or 0.0),
         pictures=pictures,
+        flags={"runs": _meanings(analysis.runs), "validation": _meanings(analysis.validation)},
         notes=note_rows(session, analysis),
         citation=citation(),
         version=draglag.__version__,
@@ -150,6 +154,10 @@ def _page(session: Session, analysis: Analysis, pictures: dict[str, list[Figure]
         verdict=_verdict(analysis),
         coefficients=_coefficients(analysis.curve),
     )
+
+
+def _meanings(rows: Iterable[RunEstimate | Validation]) -> dict[str, str]:
+    return meanings(flag for row in rows for flag in row.flags)
 
 
 def _coefficients(curve: CurveFit | None) -> list[tuple[Any, str, Any]]:

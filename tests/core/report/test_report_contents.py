@@ -13,6 +13,7 @@ import pytest
 import draglag
 from draglag.analysis import AnalysisOptions, analyze
 from draglag.exchange import read_exchange
+from draglag.latency.flags import MEANING
 from draglag.recording import LogEntry, Session
 from draglag.report import write_report
 from draglag.report.journal import WIDTHS_MM, write_journal_figures
@@ -114,3 +115,14 @@ def svg_width_mm(path: Path) -> float:
     named_pt = float(drawing.attrib["width"].removesuffix("pt"))
     assert named_pt == wide
     return named_pt * MM_PER_PT
+
+
+def test_every_flag_is_explained_once_below_its_table(session: Session, tmp_path: Path) -> None:
+    found = analyze(session, AnalysisOptions(form="constant"))
+    mine = ("alias", "uneven_trace"), ("uneven_trace", "of_another_package"), ()
+    flagged = tuple(replace(run, flags=flags) for run, flags in zip(found.runs, mine, strict=True))
+    page = write_report(session, replace(found, runs=flagged), tmp_path).read_text("utf-8")
+    runs = page[page.index("<h2>Runs") : page.index("<h2>Alignment")]
+    legend = list(zip(texts(runs, "dt"), texts(runs, "dd"), strict=True))
+    assert legend == [("alias", MEANING["alias"]), ("uneven trace", MEANING["uneven_trace"])]
+    assert runs.index("<dl") > runs.index("</table>")
