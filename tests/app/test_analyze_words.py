@@ -49,3 +49,12 @@ def test_every_flag_is_explained_below_its_table(blocks: list[str]) -> None:
         assert title == "Flags"
         assert {tuple(line.split(maxsplit=1)) for line in lines} == {(flag, MEANING[flag]) for flag in flags}
         assert flags <= set(blocks[place].replace(",", " ").split())
+
+
+def test_a_run_of_a_wrong_speed_is_to_be_recorded_again_not_included(blocks: list[str]) -> None:
+    listed = [block for block in blocks if block.startswith("Not in the curve")]
+    (may_be,) = [block for block in listed if "--include" in block]
+    (again,) = [block for block in listed if "record again" in block]
+    assert may_be.splitlines()[1:] == ["  run-05: aborted"]
+    assert again.splitlines()[1:] == ["  leaping: uneven trace"]
+    assert len(listed) == 2

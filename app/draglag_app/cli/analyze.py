@@ -16,6 +16,7 @@ from draglag.analysis.tables import RUN_COLUMNS
 from draglag.curve import FORMS
 from draglag.errors import DataError, EstimateError
 from draglag.instruments.clocks import rate_words
+from draglag.latency.conduct import UNEVEN_TRACE
 from draglag.latency.estimate import WINDOW_S
 from draglag.latency.estimators import OWN, estimator_names
 from draglag.messages import message
@@ -290,11 +291,22 @@ def summary(analysis: Analysis, result: dict[str, Any]) -> list[str]:
     blocks += _listed("Checks", _verification(result["verification"]))
     if result["validation"]:
         blocks += [_validation(result["validation"]), *_flags(result["validation"])]
-    again = {run: f"; repeated as {by}" for run, by in analysis.repeated.items()}
-    excluded = [f"{run}: {why}{again.get(run, '')}" for run, why in analysis.excluded.items()]
-    blocks += _listed("Not in the curve (--include RUN includes a run)", excluded)
+    blocks += _excluded(analysis)
     blocks += _listed("Warnings", analysis.warnings)
     return blocks + _listed("Not done", analysis.problems)
+
+
+def _excluded(analysis: Analysis) -> list[str]:
+    """Runs that may be included, and those that may not: their speed is wrong."""
+    again = {run: f"; repeated as {by}" for run, by in analysis.repeated.items()}
+    lines = {run: f"{run}: {why}{again.get(run, '')}" for run, why in analysis.excluded.items()}
+    uneven = {run.id for run in analysis.runs if UNEVEN_TRACE in run.flags}
+    others = "Not in the curve (--include RUN includes a run)"
+    wrong = "Not in the curve (the trace's speed is not the stylus' own: record again and turn far from the beam)"
+    return [
+        *_listed(others, (line for run, line in lines.items() if run not in uneven)),
+        *_listed(wrong, (line for run, line in lines.items() if run in uneven)),
+    ]
 
 
 def _listed(title: str, lines: Iterable[str]) -> list[str]:
