@@ -198,9 +198,9 @@ def analyze(session: Session, options: AnalysisOptions | None = None, progress: 
     problems += trouble
     width = width_check(estimates, session.stylus.diameter_mm)
     warnings = [*warnings_of(session, standing, {"WALT": tap_bound_s}), *_off_the_curve(curve)]
-    warnings += [*axes_or_light(steady, estimates, session.stylus.diameter_mm), *changing_warnings(session.runs)]
-    warnings += [*batch_warnings(session.runs), *off_screen(session.screen, session.runs)]
-    warnings += width_findings(width, [e for e in estimates if e.id not in excluded]) + _file_warnings(session)
+    warnings += [*axes_or_light(steady, estimates, session.stylus.diameter_mm), *_data_warnings(session)]
+    warnings += changing_warnings([one.run for one in validation if one.protocol == "free"])
+    warnings += width_findings(width, [e for e in estimates if e.id not in excluded])
     on_progress(1.0, "done")
     return Analysis(
         session=session.name,
@@ -297,8 +297,9 @@ def _with_common_shift(curve: CurveFit, reach_s: float) -> CurveFit:
     return replace(curve, covariance=covariance)
 
 
-def _file_warnings(session: Session) -> list[str]:
-    return [note.text for note in session.notes if note.level == "warning" and note.source == "file"]
+def _data_warnings(session: Session) -> list[str]:
+    of_file = (note.text for note in session.notes if note.level == "warning" and note.source == "file")
+    return [*batch_warnings(session.runs), *off_screen(session.screen, session.runs), *of_file]
 
 
 def _off_the_curve(curve: CurveFit | None) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -33,9 +33,8 @@ def has_constant_speed(run: Run) -> bool:
     return spread_in_trace(run) <= SPREAD or _spread_in_light(run) <= SPREAD
 
 
-def changing_warnings(runs: Iterable[Run]) -> list[str]:
-    """Words on free drags that are no points of the curve; none without."""
-    changing = [run.id for run in runs if run.protocol == "free" and not has_constant_speed(run)]
+def changing_warnings(changing: Sequence[str]) -> list[str]:
+    """Words on free drags, by their ids, that were compared with the curve and are no points of it; none without."""
     if not changing:
         return []
     return [

@@ -186,6 +186,20 @@ def test_many_free_drags_are_one_warning(session: Session) -> None:
         swinging(run, 0.6) if run.nominal_speed_mm_s and run.nominal_speed_mm_s > 70 else run for run in session.runs
     )
     free = [run.id for run in runs if run.protocol == "free"]
-    (words,) = [words for words in analyze(replace(session, runs=runs)).warnings if "free drags" in words]
+    found = analyze(replace(session, runs=runs), AnalysisOptions(form="constant"))
+    (words,) = [words for words in found.warnings if "free drags" in words]
     assert words.startswith(f"{len(free)} free drags")
     assert free[0] in words
+
+
+def test_only_a_free_drag_that_was_compared_is_said_to_be_compared_with_the_curve(session: Session) -> None:
+    changing = [replace(swinging(of(session, v), 0.6), id=f"free-{v:.0f}") for v in (200.0, 290.0)]
+    for gone, compared in ((None, "free-200, free-290"), ("aborted", "free-200")):
+        changing[1] = replace(changing[1], outcome=gone or "complete")
+        whole = replace(session, runs=(*session.runs, *changing))
+        (words,) = [words for words in analyze(whole).warnings if "compared with the curve" in words]
+        assert words.endswith(f"({compared})")
+    few = analyze(replace(session, runs=(of(session, 90.0), *changing)))
+    assert few.curve is None
+    assert not any("compared with the curve" in words for words in few.warnings)
+    assert any("free-200: not validated, there is no curve" in words for words in few.problems)
