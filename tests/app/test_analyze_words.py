@@ -58,3 +58,16 @@ def test_a_run_of_a_wrong_speed_is_to_be_recorded_again_not_included(blocks: lis
     assert may_be.splitlines()[1:] == ["  run-05: aborted"]
     assert again.splitlines()[1:] == ["  leaping: uneven trace"]
     assert len(listed) == 2
+
+
+def test_touches_off_the_screen_are_pointed_out_once(session: Session, tmp_path: Path) -> None:
+    run = session.run("run-04")
+    far = replace(run, touch=replace(run.touch, x_mm=3 * run.touch.x_mm))
+    folder = write_exchange(replace(session, runs=(far,)), tmp_path / "in")
+    result = CliRunner().invoke(
+        cli, ["analyze", str(folder), "--form", "constant", "--report", str(tmp_path / "report")]
+    )
+    assert result.exit_code == 0, result.output
+    assert (result.stdout + result.stderr).count("The touches of run-04 reach from") == 1
+    assert "\nWarnings\n  The touches of run-04 reach from" in result.stdout
+    assert (tmp_path / "report" / "report.html").read_text("utf-8").count("The touches of run-04 reach from") == 1

@@ -181,7 +181,7 @@ def _one(
     as_json: bool,
 ) -> None:
     _refuse_early(session, bool(save), report, save_model)
-    read, state = load_with_state(session)
+    read, state = load_with_state(session, analysed=True)
     data, correction = _corrected(read, model_path, options.stylus_mm)
     refuse_unknown_runs(session, data, {*options.exclude, *options.include})
     with progress("Analysing") as done:

@@ -53,13 +53,18 @@ def load_session(path: Path) -> Session:
     return load_with_state(path)[0]
 
 
-def load_with_state(path: Path) -> tuple[Session, FileState | None]:
-    """As ``load_session``, and the state of a session file when it was read."""
+def load_with_state(path: Path, analysed: bool = False) -> tuple[Session, FileState | None]:
+    """As ``load_session``, and the state of a session file when it was read.
+
+    ``analysed``: leaves the warnings that an analysis gives, too, to that.
+    """
     if path.is_dir() or path.name == "session.json":
         from draglag.exchange import read_exchange, session_folder
+        from draglag.reading.off_screen import off_screen
 
         session = read_exchange(session_folder(path))
-        say_warnings(session.notes)
+        again = off_screen(session.screen, session.runs) if analysed else []
+        say_warnings(note for note in session.notes if note.text not in again)
         return session, None
     from draglag.store import read_with_state
 

@@ -8,13 +8,13 @@ from draglag.recording import LogEntry, Session
 
 
 def note_rows(session: Session, analysis: Analysis) -> list[dict[str, str]]:
-    """Level, place ("+1:40 run-03") and text of every note, except runs' infos."""
+    """Level, place ("+1:40 run-03") and text of every note, except runs' infos and what the analysis warns of."""
     again = {run: f"; repeated as {by}" for run, by in analysis.repeated.items()}
     rows = [
         {"level": "warning", "place": run, "text": f"not in the curve ({why}{again.get(run, '')})"}
         for run, why in analysis.excluded.items()
     ]
-    said = [(note, "") for note in session.notes]
+    said = [(note, "") for note in session.notes if note.text not in analysis.warnings]
     said += [(note, run.id) for run in session.runs for note in run.log if note.level != "info"]
     start_s = session.started_s
     if start_s is None:
