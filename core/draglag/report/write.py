@@ -180,14 +180,21 @@ def _verdict(analysis: Analysis) -> str:
     if not known:
         return "No run gave a latency."
     slow, fast = (pick(known, key=lambda run: run.speed_mm_s or 0.0) for pick in (min, max))
-    sentence = f"Latency {slow.latency_ms:.1f} ms at {slow.speed_mm_s:.0f} mm/s"
+    sentence = f"Latency {_with_interval(slow)}"
     if fast is not slow:
-        sentence += f" and {fast.latency_ms:.1f} ms at {fast.speed_mm_s:.0f} mm/s"
+        sentence += f" and {_with_interval(fast)}"
+    if any(run.latency_ci95_ms is not None for run in (slow, fast)):
+        sentence += ", with 95 % intervals of random and systematic errors together"
     if analysis.curve is not None:
         sentence += (
             f"; the curve fits {analysis.curve.n_points} runs with an RMS of {1e3 * analysis.curve.rms_s:.2f} ms"
         )
     return sentence + "."
+
+
+def _with_interval(run: RunEstimate) -> str:
+    interval = "no interval" if run.latency_ci95_ms is None else "{:.2f} to {:.2f}".format(*run.latency_ci95_ms)
+    return f"{run.latency_ms:.2f} ms ({interval}) at {run.speed_mm_s:.0f} mm/s"
 
 
 def _number(value: object, digits: int = 1) -> str:

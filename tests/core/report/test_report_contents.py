@@ -126,3 +126,20 @@ def test_every_flag_is_explained_once_below_its_table(session: Session, tmp_path
     legend = list(zip(texts(runs, "dt"), texts(runs, "dd"), strict=True))
     assert legend == [("alias", MEANING["alias"]), ("uneven trace", MEANING["uneven_trace"])]
     assert runs.index("<dl") > runs.index("</table>")
+
+
+def test_the_headline_states_each_latency_with_its_interval(session: Session, tmp_path: Path) -> None:
+    found = analyze(session, AnalysisOptions(form="constant"))
+    known = [run for run in found.runs if run.latency_ci95_ms is not None and run.speed_mm_s is not None]
+    assert len(known) == 3
+    (said,) = re.findall(r'<p class="verdict">(.*?)</p>', write_report(session, found, tmp_path / "a").read_text())
+    for pick in (min, max):
+        run = pick(known, key=lambda run: run.speed_mm_s or 0.0)
+        low_ms, high_ms = run.latency_ci95_ms or (0.0, 0.0)
+        assert low_ms < high_ms
+        assert f"{run.latency_ms:.2f} ms ({low_ms:.2f} to {high_ms:.2f}) at {run.speed_mm_s:.0f} mm/s" in said
+    assert said.count("95 % intervals") == 1
+    bare = replace(found, runs=tuple(replace(run, latency_ci95_s=None) for run in found.runs))
+    (said,) = re.findall(r'<p class="verdict">(.*?)</p>', write_report(session, bare, tmp_path / "b").read_text())
+    assert said.count("(no interval)") == 2
+    assert "95 %" not in said
