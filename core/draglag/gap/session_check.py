@@ -20,9 +20,9 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
     if len(steady) < 5:
         missing.append(
             message(
-                "1 circle run with edges: at least 5 are needed"
+                "1 run at an even speed with edges: at least 5 are needed"
                 if len(steady) == 1
-                else "{n} circle runs with edges: at least 5 are needed",
+                else "{n} runs at an even speed with edges: at least 5 are needed",
                 n=len(steady),
             )
         )
@@ -40,15 +40,17 @@ def what_is_missing(session: Session) -> tuple[str, ...]:
     apart = [r for r in shown if _edges_while_touched(r) < FEWEST_EDGES]
     if steady and not shown:
         missing.append(
-            message("no circle run shows where the stylus was: its touch positions are missing or not numbers")
+            message(
+                "no run at an even speed shows where the stylus was: its touch positions are missing or not numbers"
+            )
         )
     elif travel and max(travel) < 5.0:
-        missing.append(message("the circles hardly travel sideways: slope and latency cannot be distinguished"))
+        missing.append(message("the runs hardly travel sideways: slope and latency cannot be distinguished"))
     elif apart and len(shown) - len(apart) < 5:
         missing.append(
             message(
-                "edges and touch events of {n} of {of} circle runs lie at different times: both have to be on "
-                "one clock",
+                "edges and touch events of {n} of {of} runs at an even speed lie at different times: both have "
+                "to be on one clock",
                 n=len(apart),
                 of=len(steady),
             )

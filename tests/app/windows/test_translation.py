@@ -207,11 +207,12 @@ def test_unknown_languages_are_english() -> None:
 def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
     assert {k: _FOLLOWS[k] for k in FOLLOWS} == FOLLOWS
     reasons = {effect.separated_by for effect in EFFECTS.values() if effect.separated_by} | {
-        "1 circle run with edges: at least 5 are needed",
+        "1 run at an even speed with edges: at least 5 are needed",
         "1 drag speed: at least 4, spread over a factor of 3, are needed",
-        "no circle run shows where the stylus was: its touch positions are missing or not numbers",
+        "no run at an even speed shows where the stylus was: its touch positions are missing or not numbers",
         example(
-            "edges and touch events of {n} of {of} circle runs lie at different times: both have to be on one clock"
+            "edges and touch events of {n} of {of} runs at an even speed lie at different times: both have to be on "
+            "one clock"
         ),
         example("touch times of {runs} go back or are no numbers: exported and imported again they are put in order"),
         example("runs that give a latency: {n}, at least 5 are needed"),

@@ -169,7 +169,7 @@ def test_an_effect_outside_the_library_is_left_unexplained() -> None:
 def test_a_poor_session_gets_words_instead_of_a_verdict(sound: Session) -> None:
     report = close_gap(replace(sound, runs=sound.runs[:2]))
     assert report.verdict is None
-    assert "circle runs" in report.missing[0]
+    assert "2 runs at an even speed" in report.missing[0]
     assert report.to_dict()["missing"] == list(report.missing)
 
 

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bench.strokes import even_strokes
 from draglag.errors import EstimateError
 from draglag.gap import GapReport, close_gap, find
+from draglag.gap.session_check import what_is_missing
 from draglag.protocol.runs import load_protocol
 from draglag.recording import Run, Session
-from draglag.simulation import simulate_session
+from draglag.simulation import rig_for_screen, simulate_session
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +38,7 @@ def laser(run: Run, **changed: np.ndarray) -> Run:
 def test_one_of_a_thing_is_reported_in_the_singular(sound: Session) -> None:
     fastest = max(sound.runs, key=lambda run: run.nominal_speed_mm_s or 0.0)
     missing = close_gap(replace(sound, runs=(fastest,))).missing
-    assert "1 circle run with edges: at least 5 are needed" in missing
+    assert "1 run at an even speed with edges: at least 5 are needed" in missing
     assert "1 drag speed: at least 4, spread over a factor of 3, are needed" in missing
 
 
@@ -69,7 +71,8 @@ def test_streams_on_two_clocks_are_reported_as_such(sound: Session) -> None:
     assert report.verdict is None
     n = len(sound.runs)
     assert report.missing == (
-        f"edges and touch events of {n} of {n} circle runs lie at different times: both have to be on one clock",
+        f"edges and touch events of {n} of {n} runs at an even speed lie at different times: both have to be on "
+        "one clock",
     )
 
 
@@ -96,3 +99,21 @@ def test_a_run_of_which_touch_saw_next_to_nothing_costs_only_itself(sound: Sessi
     )
     other = close_gap(replace(sound, runs=(replace(sound.runs[0], touch=few), *sound.runs[1:])), max_effects=0)
     assert other.verdict == report.verdict
+
+
+def test_what_free_drags_miss_is_said_without_circles(sound: Session) -> None:
+    rig = rig_for_screen("screen-1")
+    drags = tuple(even_strokes(rig, v, 120.0, run_id=f"free-{v:.0f}")[0] for v in (200.0, 300.0))
+    still = [replace(run, touch=replace(run.touch, x_mm=np.full(run.touch.t_s.size, 90.0))) for run in drags]
+    nowhere = [replace(run, touch=replace(run.touch, x_mm=np.full(run.touch.t_s.size, np.nan))) for run in drags]
+    apart = [laser(run, t_s=run.laser.t_s - 1.7e9) for run in drags]
+    wanted = {
+        "2 runs at an even speed with edges": drags,
+        "the runs hardly travel sideways": still,
+        "no run at an even speed shows where the stylus was": nowhere,
+        "of 2 of 2 runs at an even speed lie at different times": apart,
+    }
+    for words, runs in wanted.items():
+        missing = what_is_missing(replace(sound, runs=tuple(runs)))
+        assert any(words in sentence for sentence in missing), words
+        assert not any("circle" in sentence for sentence in missing)

@@ -66,8 +66,8 @@ IN_BUTTONS = {
         ("The page Results shows another drift: by the session's comparisons of clocks the laser's stamps run {rate}."),
     ),
     # What to do.
-    "See with draglag analyze why the others give none, or record circles at more speeds": QT_TRANSLATE_NOOP(
-        "Library", "See on the page Results why the others give none, or record circles at more speeds"
+    "See with draglag analyze why the others give none, or record runs at more speeds": QT_TRANSLATE_NOOP(
+        "Library", "See on the page Results why the others give none, or record runs at more speeds"
     ),
     "omit --fast and speed=fast": QT_TRANSLATE_NOOP(
         "Library",

@@ -145,10 +145,10 @@ def starting_law(runs: tuple[RunData, ...], less_s: FloatArray | None, plateau: 
     if points.speed_mm_s.size < 5:
         raise EstimateError(
             message("runs that give a latency: {n}, at least 5 are needed", n=points.speed_mm_s.size),
-            "See with draglag analyze why the others give none, or record circles at more speeds",
+            "See with draglag analyze why the others give none, or record runs at more speeds",
         )
     if points.speed_mm_s.size < (6 if plateau else 5):
-        raise EstimateError("too few speeds", "Record circles at more speeds")
+        raise EstimateError("too few speeds", "Record runs at more speeds")
     law = eq5_through(points, plateau)
     return replace(law, a1_s=max(law.a1_s, LEAST_BEGUN_S), a4_s=max(law.a4_s, LEAST_BEGUN_S))
 
