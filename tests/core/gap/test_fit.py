@@ -322,10 +322,24 @@ def test_what_misses_a_fast_run_by_more_is_no_better_whatever_it_predicts(
     def missed_by(times: float) -> Fit:
         return replace(before, residual_mm=before.residual_mm * np.where(fast, times, 0.3))
 
-    was_mm = max(gap_mm(before), floor_mm(before))
-    after = missed_by(brentq(lambda times: gap_mm(missed_by(times)) - ratio * was_mm, 0.3, 10.0))
-    assert (gap_mm(after) < (1 + GROWS_BY) * was_mm) == no_worse
+    was_mm = max(gap_mm(before, whole=True), floor_mm(before, whole=True))
+    after = missed_by(brentq(lambda times: gap_mm(missed_by(times), whole=True) - ratio * was_mm, 0.3, 10.0))
+    assert (gap_mm(after, whole=True) < (1 + GROWS_BY) * was_mm) == no_worse
     assert heldout.shrinks_or_predicts(before, after) == no_worse
+
+
+def test_what_only_the_fastest_run_showed_is_no_growth_where_others_are_held_out(
+    plain: tuple[Session, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The fastest and the slowest run are in every fit: one without the effect misses them and hits the others."""
+    after, before = plain[1], replace(plain[1])
+    extreme = heldout.folds(after) == heldout.IN_EVERY_FIT
+    missed_mm = {id(before): np.where(extreme, 0.6, 0.2), id(after): np.where(extreme, 0.2, 0.25)}
+    monkeypatch.setattr(heldout, "held_out_residual_mm", lambda fit: missed_mm[id(fit)])
+    monkeypatch.setattr(heldout, "noise_variance_mm2", lambda fit: np.full(extreme.size, 0.15**2))
+    monkeypatch.setattr(heldout, "predictive_gain", lambda before, after: 100 * PREDICTS_NATS)
+    assert gap_mm(after) > (1 + GROWS_BY) * gap_mm(before)
+    assert heldout.shrinks_or_predicts(before, after)
 
 
 def test_what_one_run_alone_shows_is_predicted_as_widely_as_it_is_open(plain: tuple[Session, Fit]) -> None:
