@@ -46,21 +46,30 @@ def judged(
     progress: Progress = lambda fraction, text: None,
 ) -> Judgement:
     """Posterior over explanations, from a first fit; from one with the curve's own form if that is more probable than
-    not in the beginning and in the end."""
+    not in the end. Which of both is begun with is what the first fit says."""
     compare = partial(compared, allowed=allowed, unsure_ages=unsure_ages, most=most_effects)
     explore = partial(_explored, session, allowed=frozenset(allowed), most_effects=most_effects, compare=compare)
     pool = compare([first])
-    if effects_in(first) or not _has_own_form(pool):
+    if effects_in(first):
         return explore({effects_in(first): first}, pool, progress=progress)
-    own = with_own_form(session, first)
-    fits: dict[Names, Fit] = {(): first}
-    if own is not first:
-        found = explore({(): own}, compare([own]), progress=lambda part, text: progress(0.5 * part, text))
-        if _has_own_form(found.pool):
-            return found
-        fits |= grown(session, fits, found.pool, _effects_of(found.pool.best))
-        pool = compare(list(fits.values()))
-    return explore(fits, pool, progress=lambda part, text: progress(0.5 + 0.5 * part, text))
+    begins = _has_own_form(pool)
+    found: dict[bool, Judgement] = {}
+    for own_form in (begins, not begins):
+        begin = with_own_form(session, first) if own_form else first
+        if own_form and begin is first:
+            continue
+        fits: dict[Names, Fit] = {(): begin}
+        for other in found.values():
+            fits |= grown(session, fits, other.pool, _effects_of(other.pool.best))
+        pool = pool if list(fits.values()) == [first] else compare(list(fits.values()))
+        found[own_form] = explore(fits, pool, progress=partial(_half, progress, 0.5 * len(found)))
+        if _has_own_form(found[own_form].pool) == own_form:
+            return found[own_form]
+    return found[False]
+
+
+def _half(progress: Progress, begin: float, part: float, text: str) -> None:
+    progress(begin + 0.5 * part, text)
 
 
 def _explored(
@@ -118,14 +127,17 @@ def _unfitted(pool: Pool, wanted: Names, fits: dict[Names, Fit]) -> str:
 
 
 def with_own_form(session: Session, first: Fit) -> Fit:
-    """Fit with the curve's own form, or ``first``."""
-    try:
-        law = flexible(first.law, knots_over(first.view.speed))
-        fit = fit_session(session, first.runs, (), False, None, law)
-    except (EstimateError, np.linalg.LinAlgError, ValueError, FloatingPointError):
-        return first
-    enough = np.count_nonzero(fit.use) >= constants.LEAST_EDGES * np.count_nonzero(first.use)
-    return fit if enough else first
+    """Fit with the curve's own form, on the edges of ``first`` where it would leave out many; or ``first``."""
+    enough = constants.LEAST_EDGES * np.count_nonzero(first.use)
+    for start in (None, first):
+        try:
+            law = flexible(first.law, knots_over(first.view.speed))
+            fit = fit_session(session, first.runs, (), False, start, law)
+        except (EstimateError, np.linalg.LinAlgError, ValueError, FloatingPointError):
+            continue
+        if np.count_nonzero(fit.use) >= enough:
+            return fit
+    return first
 
 
 def _effects_of(names: Names) -> Names:
