@@ -122,6 +122,23 @@ def test_what_a_gap_follows_is_reported_in_words(capsys):
         assert said.startswith("Unexplained: a gap remains that follows the normal acceleration;")
 
 
+def test_a_probable_cause_that_is_not_in_the_model_is_named(capsys):
+    """It is not true that no known effect makes the gap."""
+    sets = ((("clock_drift", "smoothing_shrink"), 0.97),)
+    made = replace(report("unexplained"), steps=(DRIFT,), unexplained_by="normal_acceleration", explanations=sets)
+    words = (
+        "Unexplained: a gap remains that follows the normal acceleration; the most probable cause, smoothing that "
+        "shrinks (probability 0.97), is not in the model: held-out runs have to support an effect."
+    )
+    print_finding(made, None)
+    for said in (capsys.readouterr().out, headline(made)):
+        assert words in said
+        assert "no known effect" not in said
+    either = replace(DRIFT, effect="thermal_drift", indistinguishable_from=("clock_drift",))
+    known = replace(made, steps=(either,), explanations=((("clock_drift",), 0.9),))
+    assert "no known effect makes it" in headline(known)
+
+
 def test_scatter_is_not_reported_as_something_that_a_gap_follows(capsys):
     made = replace(report("unexplained"), unexplained_by="scatter")
     print_finding(made, None)

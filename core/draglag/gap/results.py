@@ -42,8 +42,11 @@ def followed(covariate: str) -> str:
     return FOLLOWS.get(covariate, covariate)
 
 
-def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, probability: float | None = None) -> str:
-    """The verdict ``unexplained``. stopped_at: limit on effects that ended the search."""
+def unexplained_in_words(
+    covariate: str | None, stopped_at: int | None = None, probability: float | None = None, instead: str = ""
+) -> str:
+    """The verdict ``unexplained``. stopped_at: limit on effects that ended the search. instead: what to say in place of
+    that no effect makes it."""
     word = "Unexplained" if probability is None else f"Unexplained (probability {stated(probability)})"
     scatter = covariate == "scatter"
     what = (
@@ -53,6 +56,8 @@ def unexplained_in_words(covariate: str | None, stopped_at: int | None = None, p
     )
     if stopped_at is not None:
         return f"{word}: {what}; effects were limited to {stopped_at}."
+    if instead:
+        return f"{word}: {what}; {instead}."
     return f"{word}: {what}{', and no known effect makes them' if scatter else '; no known effect makes it'}."
 
 

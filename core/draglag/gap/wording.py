@@ -83,7 +83,9 @@ def verdict_in_words(report: GapReport) -> str:
         if report.tolerated
         else f"No gap{quiet}: {sizes}. What is left is noise.",
         "explained": "What is left beyond chance is too small to matter." if report.tolerated else "",
-        "unexplained": unexplained_in_words(report.unexplained_by, report.stopped_at, mass.get(UNEXPLAINED)),
+        "unexplained": unexplained_in_words(
+            report.unexplained_by, report.stopped_at, mass.get(UNEXPLAINED), _left_out(report)
+        ),
     }.get(report.verdict or "no_gap", "")
     return " ".join(filter(None, (_causes(report, sizes), words)))
 
@@ -105,6 +107,16 @@ def _causes(report: GapReport, sizes: str) -> str:
             edges = "" if by_edges else f" Edges do not show it: the gap on held-out runs is {sizes}."
             out.append(f"{name[0].upper()}{name[1:]}, by the taps.{edges}")
     return " ".join(out)
+
+
+def _left_out(report: GapReport) -> str:
+    """That the most probable cause is not in the model; empty if it is."""
+    steps = [(step.effect, *step.indistinguishable_from) for step in report.steps]
+    found = not_in_model(report.explanations, steps)
+    if found is None:
+        return ""
+    cause = f"{' and '.join(map(title_of, found[0]))} (probability {stated(found[1])})"
+    return f"the most probable cause, {cause}, is not in the model: held-out runs have to support an effect"
 
 
 def _to_separate(report: GapReport) -> list[str]:
@@ -179,6 +191,19 @@ def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) ->
         if p > DOUBT and not (swapped and len(names) == len(first) and first != UNEXPLAINED):
             out.append((tuple(names), p))
     return out
+
+
+def not_in_model(explanations: Explanations, steps: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], float] | None:
+    """Effects of the most probable explanation that are none of ``steps``, and its probability; None if there are none.
+
+    Steps: each an effect and its rivals.
+    """
+    if not explanations or tuple(explanations[0][0]) == UNEXPLAINED:
+        return None
+    named = {column_of(name) for step in steps for name in step if name in EFFECTS}
+    names, p = explanations[0]
+    left = tuple(name for name in names if column_of(name) not in named)
+    return (left, p) if left else None
 
 
 def also_in_words(report: GapReport) -> str:

@@ -283,6 +283,23 @@ def test_what_the_gap_page_says_is_dutch(qapp: QApplication) -> None:
         use_language(qapp, "en")
 
 
+def test_a_probable_cause_that_is_not_in_the_model_is_named(qapp: QApplication) -> None:
+    report = {
+        "verdict": "unexplained", "gap_first_mm": 0.16, "gap_last_mm": 0.16, "noise_floor_mm": 0.12, "steps": [],
+        "unexplained_by": "normal_acceleration",
+        "explanations": [{"effects": ["smoothing_shrink"], "probability": 0.97}],
+    }  # fmt: skip
+    assert headline(report) == (
+        "Unexplained: a gap remains that follows the normal acceleration; the most probable cause, smoothing that "
+        "shrinks (probability 0.97), is not in the model: held-out runs have to support an effect."
+    )
+    try:
+        use_language(qapp, "nl")
+        assert "de waarschijnlijkste oorzaak, " in headline(report)
+    finally:
+        use_language(qapp, "en")
+
+
 def test_effects_and_their_parameters_have_dutch_names(qapp: QApplication) -> None:
     assert set(EFFECT_NAMES) == set(EFFECTS)
     try:

@@ -10,7 +10,7 @@ from PySide6.QtCore import QCoreApplication
 
 from draglag.gap.constants import PROBABLE, SIZE_OF_INTEREST_MM
 from draglag.gap.results import BY_TAPS, UNEXPLAINED, stated
-from draglag.gap.wording import LEAST_MISS_S, NOISE, also_possible
+from draglag.gap.wording import LEAST_MISS_S, NOISE, also_possible, not_in_model
 from draglag_app.windows.wording.effect_words import effect_name, main_size
 from draglag_app.windows.wording.i18n import QT_TRANSLATE_NOOP
 
@@ -49,8 +49,10 @@ def headline(report: dict[str, Any]) -> str:
         out.append(_say(_TOO_SMALL))
     elif verdict == "unexplained":
         by = str(report.get("unexplained_by"))
-        words = _say(_SCATTER if by == "scatter" else _REMAINS)
-        out.append(words.format(sure=_sure_of(report, UNEXPLAINED), covariate=followed(by)))
+        left_out = None if by == "scatter" else not_in_model(_explanations(report), _steps(report))
+        words = _say(_LEFT_OUT if left_out else _SCATTER if by == "scatter" else _REMAINS)
+        sure = _sure(left_out[1]) if left_out else _sure_of(report, UNEXPLAINED)
+        out.append(words.format(sure=sure, covariate=followed(by), names=set_words(left_out[0]) if left_out else ""))
     return " ".join(out)
 
 
@@ -93,9 +95,13 @@ def compared_words(report: dict[str, Any]) -> str:
 
 def also_words(report: dict[str, Any]) -> str:
     """Other explanations that share the probability."""
-    steps = [(step["effect"], *(step.get("indistinguishable_from") or ())) for step in report["steps"]]
-    sets = [f"{set_words(names)}{_sure(p)}" for names, p in also_possible(_explanations(report), steps)]
+    sets = [f"{set_words(names)}{_sure(p)}" for names, p in also_possible(_explanations(report), _steps(report))]
     return _say(_ALSO).format(sets=", ".join(sets)) if sets else ""
+
+
+def _steps(report: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Each an effect and its rivals."""
+    return [(step["effect"], *(step.get("indistinguishable_from") or ())) for step in report["steps"]]
 
 
 def _explanations(report: dict[str, Any]) -> list[tuple[tuple[str, ...], float]]:
@@ -123,6 +129,11 @@ _SCATTER = QT_TRANSLATE_NOOP(
 )
 _REMAINS = QT_TRANSLATE_NOOP(
     "Gap", "Unexplained{sure}: a gap remains that follows {covariate}; no known effect makes it."
+)
+_LEFT_OUT = QT_TRANSLATE_NOOP(
+    "Gap",
+    "Unexplained: a gap remains that follows {covariate}; the most probable cause, {names}{sure}, is not in the model: "
+    "held-out runs have to support an effect.",
 )
 _WHOLE = (
     QT_TRANSLATE_NOOP("Gap", "{causes} explains the gap: {first} → {last} mm, noise {floor}."),
