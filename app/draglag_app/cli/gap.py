@@ -221,7 +221,7 @@ def print_finding(result: GapReport, report: Path | None) -> None:
     for words in filter(None, (*notes, noise_in_words(result))):
         click.echo(words)
     for step in result.steps:
-        if step.covariate == BY_TAPS:  # its gap is not the one before it
+        if step.covariate == BY_TAPS or step.gap_after_mm > step.gap_before_mm:  # its gap does not say why it is there
             click.echo(f"{title_of(step.effect)}: {step.evidence}.")
     if result.not_seen:
         click.echo("This session could not have shown:")

@@ -10,7 +10,7 @@ from scipy.special import chdtrc
 from draglag.errors import EstimateError
 from draglag.gap.by_taps import creep_of
 from draglag.gap.constants import DOUBT, PROBABLE, PROMISING, STATED_AT_MOST
-from draglag.gap.fitting.heldout import floor_mm, gap_mm, shrinks_or_predicts
+from draglag.gap.fitting.heldout import floor_mm, gap_mm, predictive_gain, shrinks, shrinks_or_predicts
 from draglag.gap.fitting.joint import Fit, fit_session, gained_nats
 from draglag.gap.fitting.law_form import LAW_FORM, remainder_rms_s
 from draglag.gap.fitting.parameters import parameters_of, where_of
@@ -28,6 +28,7 @@ from draglag.gap.streams.stalls import FOLLOWS as STALLS_FOLLOW
 from draglag.gap.streams.stalls import stalls
 from draglag.gap.streams.stamps import StreamEffect
 from draglag.gap.traces.run_data import gather
+from draglag.messages import joined, message
 from draglag.recording import Session
 from draglag.simulation.effects import EFFECTS, effect_class, twins_of
 
@@ -187,9 +188,14 @@ def step_of(
     p = min(judgement.pool.probability_of(name, *instead), STATED_AT_MOST)
     p *= sum(creep.shares[e] for e in alike if e == effect or e in rivals)  # of all that the step names
     gained = deviance_gained(before, after)
-    evidence = f"deviance falls by {gained:.0f}"
+    evidence: list[str] = [message("deviance falls by {gained:.0f}", gained=gained)]
+    nats = predictive_gain(before, after)
+    if not shrinks(before, after) and nats > 0:
+        evidence.append(
+            message("held-out runs, whose RMS does not fall, are predicted better by {nats:.0f} nats", nats=nats)
+        )
     if len(alike) > 1 and session.taps is not None:
-        evidence += f"; {creep.evidence}"
+        evidence.append(creep.evidence)
     added = max(after.design.shape[1] - before.design.shape[1], 1)
     return Step(
         effect,
@@ -197,7 +203,7 @@ def step_of(
         where_of(effect, last),
         effect_class(effect).follows,
         float(chdtrc(added, max(gained, 0.0))),
-        evidence,
+        joined("; ", evidence),
         gap_mm(before),
         gap_mm(after),
         float(p),

@@ -196,7 +196,12 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
         alike = step.get("indistinguishable_from") or ()
         run = separating_run(step["effect"], alike, step.get("extra_run", "")) if alike else ""
         lines.append(f"{names_words(step)}: {in_words(run)}" if run else "")
-        if step["effect"] in added or step.get("covariate") == BY_TAPS:  # whose gap is not the one before it
+        # Whose gap is not the one before it, or does not say why it is there.
+        if (
+            step["effect"] in added
+            or step.get("covariate") == BY_TAPS
+            or step.get("gap_after_mm", 0.0) > step.get("gap_before_mm", 0.0)
+        ):
             lines.append(f"{effect_name(step['effect'])}: {in_words(step['evidence'].get('text', ''))}")
     lines.append(in_words(report.get("drift_in_analysis") or ""))
     gone, part = (_with_flags(report.get(key, {})) for key in ("excluded", "flagged"))
