@@ -87,6 +87,23 @@ def test_the_waterfall_falls_from_the_first_gap_to_the_noise_floor(open_window: 
     assert not page.unseen.isVisibleTo(page)
 
 
+def test_a_gap_that_grows_is_labelled_by_what_is_left(open_window: Callable, qapp: QApplication) -> None:
+    window = open_window()
+    window.resize(1280, 800)
+    window.go("gap")
+    page = window.pages["gap"][1]
+    step = {
+        "effect": "smoothing_shrink", "where": "", "parameters": {}, "gap_before_mm": 0.16, "gap_after_mm": 0.17,
+        "probability": 0.9, "evidence": {"text": "held-out runs are predicted better by 1171 nats"},
+    }  # fmt: skip
+    page.show_report(
+        {"verdict": "explained", "steps": [step], "gap_first_mm": 0.16, "gap_last_mm": 0.17, "noise_floor_mm": 0.12}
+    )
+    for _ in range(5):
+        qapp.processEvents()
+    assert [name.split("\n")[-1] for name in names_drawn(page.plot)] == ["0.16 mm", "0.17 mm", "0.12 mm"]
+
+
 def widths_and_places(plot: StepPlot) -> list[tuple[float, float]]:
     """How wide each name below the plot is, and its place."""
     axis = plot.getPlotItem().getAxis("bottom")

@@ -90,12 +90,22 @@ _WIDE = 0.62  # of a bar, in places
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar, from the gap after a step to the gap before."""
+    """A bar between the gap before a step and the gap after it, either of which may be the larger one."""
 
     name: str
     kind: str  # "first", "step", "provisional" or "floor"
     low_mm: float
     high_mm: float
+    left_mm: float
+
+
+def _step_bar(name: str, kind: str, step: dict[str, Any]) -> Bar:
+    before_mm, after_mm = step["gap_before_mm"], step["gap_after_mm"]
+    return Bar(name, kind, min(before_mm, after_mm), max(before_mm, after_mm), after_mm)
+
+
+def _whole_bar(name: str, kind: str, mm: float) -> Bar:
+    return Bar(name, kind, 0.0, mm, mm)
 
 
 def waterfall(report: dict[str, Any]) -> list[Bar]:
@@ -103,16 +113,15 @@ def waterfall(report: dict[str, Any]) -> list[Bar]:
 
     Provisional: an unnamed term, and effects less probable than not.
     """
-    bars = [Bar(say("none yet"), "first", 0.0, report["gap_first_mm"])]
+    bars = [_whole_bar(say("none yet"), "first", report["gap_first_mm"])]
     for step in report["steps"]:
         name, sure = effect_name(step["effect"]), step["probability"] >= PROBABLE
-        ends = sorted((step["gap_before_mm"], step["gap_after_mm"]))
-        bars.append(Bar(name if sure else f"~ {name}", "step" if sure else "provisional", *ends))
+        bars.append(_step_bar(name if sure else f"~ {name}", "step" if sure else "provisional", step))
     unnamed = report.get("provisional")
     if unnamed is not None:
         name = "~ " + say("without a name: {what}").format(what=followed(unnamed["covariate"]))
-        bars.append(Bar(name, "provisional", *sorted((unnamed["gap_before_mm"], unnamed["gap_after_mm"]))))
-    return [*bars, Bar(say("noise floor"), "floor", 0.0, float(report["noise_floor_mm"] or 0.0))]
+        bars.append(_step_bar(name, "provisional", unnamed))
+    return [*bars, _whole_bar(say("noise floor"), "floor", float(report["noise_floor_mm"] or 0.0))]
 
 
 class StepPlot(Plot):
@@ -172,15 +181,11 @@ class StepPlot(Plot):
         place_px = (self.width() - self.getAxis("left").width()) / len(bars)
         letter_px = QFontMetricsF(axis.style["tickFont"] or self.font()).averageCharWidth()
         letters = int(min(max(place_px / letter_px, _LETTERS[0]), _LETTERS[1]))
-        below = [fill(bar.name, letters) + f"\n{_left(bar):.2f} mm" for bar in bars]
+        below = [fill(bar.name, letters) + f"\n{bar.left_mm:.2f} mm" for bar in bars]
         axis.setTicks([list(enumerate(below))])
         # Of itself the axis makes room for one line and its title.
         lines = max(text.count("\n") for text in below) + 1
         axis.setHeight((lines + 1) * self.fontMetrics().height() + _AROUND_PX)
-
-
-def _left(bar: Bar) -> float:
-    return bar.high_mm if bar.kind in ("first", "floor") else bar.low_mm
 
 
 def unseen(report: dict[str, Any]) -> list[str]:
