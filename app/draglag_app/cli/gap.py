@@ -11,13 +11,14 @@ from draglag.errors import EstimateError
 from draglag.gap.constants import MOST_EFFECTS
 from draglag.gap.provisional import Provisional, provisional_term
 from draglag.gap.replaying.extended import extended_model
-from draglag.gap.results import BY_TAPS, FLOOR_REACHES, GapReport, Step, stated, unjudged
+from draglag.gap.results import FLOOR_REACHES, GapReport, Step, stated, unjudged
 from draglag.gap.wording import (
     also_in_words,
     check_in_words,
     drift_in_analysis,
     headline,
     law_in_words,
+    needs_evidence,
     noise_in_words,
     sizes_of,
     tolerated_in_words,
@@ -221,7 +222,7 @@ def print_finding(result: GapReport, report: Path | None) -> None:
     for words in filter(None, (*notes, noise_in_words(result))):
         click.echo(words)
     for step in result.steps:
-        if step.covariate == BY_TAPS or step.gap_after_mm > step.gap_before_mm:  # its gap does not say why it is there
+        if needs_evidence(step.covariate, step.gap_before_mm, step.gap_after_mm):
             click.echo(f"{title_of(step.effect)}: {step.evidence}.")
     if result.not_seen:
         click.echo("This session could not have shown:")

@@ -189,11 +189,10 @@ def step_of(
     p *= sum(creep.shares[e] for e in alike if e == effect or e in rivals)  # of all that the step names
     gained = deviance_gained(before, after)
     evidence: list[str] = [message("deviance falls by {gained:.0f}", gained=gained)]
-    nats = predictive_gain(before, after)
-    if not shrinks(before, after) and nats > 0:
-        evidence.append(
-            message("held-out runs, whose RMS does not fall, are predicted better by {nats:.0f} nats", nats=nats)
-        )
+    nats = 0.0 if shrinks(before, after) else predictive_gain(before, after)
+    if nats > 0:
+        better = message("held-out runs, whose RMS does not fall, are predicted better by {nats:.0f} nats", nats=nats)
+        evidence.append(better)
     if len(alike) > 1 and session.taps is not None:
         evidence.append(creep.evidence)
     added = max(after.design.shape[1] - before.design.shape[1], 1)

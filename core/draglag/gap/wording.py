@@ -193,6 +193,11 @@ def also_possible(explanations: Explanations, steps: Sequence[Sequence[str]]) ->
     return out
 
 
+def needs_evidence(covariate: str | None, before_mm: float, after_mm: float) -> bool:
+    """Whether a step's gap does not say why it is there: it is not the one before it (by taps), or has grown."""
+    return covariate == BY_TAPS or after_mm > before_mm
+
+
 def not_in_model(explanations: Explanations, steps: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], float] | None:
     """Effects of the most probable explanation that are none of ``steps``, and its probability; None if there are none.
 

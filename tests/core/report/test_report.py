@@ -173,7 +173,8 @@ def test_a_run_that_does_not_count_is_no_headline_and_is_marked(
 ) -> None:
     session, whole = measured
     fastest = max((run for run in whole.runs if run.latency_ms is not None), key=lambda run: run.speed_mm_s or 0.0)
-    stated = f") at {fastest.speed_mm_s:.0f} mm/s"
+    low_ms, high_ms = fastest.latency_ci95_ms or (0.0, 0.0)
+    stated = f"{fastest.latency_ms:.2f} ms ({low_ms:.2f} to {high_ms:.2f}) at {fastest.speed_mm_s:.0f} mm/s"
     for exclude in ({}, {fastest.id: "a wrong speed"}):
         analysis = analyze(session, AnalysisOptions(form="constant", exclude=exclude))
         page = write_report(session, analysis, tmp_path / str(len(exclude))).read_text()

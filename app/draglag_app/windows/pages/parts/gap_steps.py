@@ -13,8 +13,8 @@ from PySide6.QtGui import QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QTableWidget, QTableWidgetItem, QWidget
 
 from draglag.gap.constants import PROBABLE
-from draglag.gap.results import BY_TAPS, stated
-from draglag.gap.wording import separating_run
+from draglag.gap.results import stated
+from draglag.gap.wording import needs_evidence, separating_run
 from draglag_app.windows.parts.plain import plain
 from draglag_app.windows.parts.theme import theme, wide
 from draglag_app.windows.parts.widgets import set_up_table
@@ -201,12 +201,8 @@ def remarks(report: dict[str, Any], added: Collection[str], without: Collection[
         alike = step.get("indistinguishable_from") or ()
         run = separating_run(step["effect"], alike, step.get("extra_run", "")) if alike else ""
         lines.append(f"{names_words(step)}: {in_words(run)}" if run else "")
-        # Whose gap is not the one before it, or does not say why it is there.
-        if (
-            step["effect"] in added
-            or step.get("covariate") == BY_TAPS
-            or step.get("gap_after_mm", 0.0) > step.get("gap_before_mm", 0.0)
-        ):
+        gaps = step.get("gap_before_mm", 0.0), step.get("gap_after_mm", 0.0)
+        if step["effect"] in added or needs_evidence(step.get("covariate"), *gaps):
             lines.append(f"{effect_name(step['effect'])}: {in_words(step['evidence'].get('text', ''))}")
     lines.append(in_words(report.get("drift_in_analysis") or ""))
     gone, part = (_with_flags(report.get(key, {})) for key in ("excluded", "flagged"))
